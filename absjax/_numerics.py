@@ -1,0 +1,38 @@
+"""Small numerical tools every model uses: pytree arithmetic, masked division, one Runge-Kutta step."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+
+def tree_where(condition, yes: Any, no: Any) -> Any:
+    """Leafwise `jnp.where` over two pytrees of equal structure."""
+    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), yes, no)
+
+
+def safe_divide(numerator, denominator, valid, otherwise=0.0):
+    """`numerator / denominator` where `valid`, else `otherwise`; no NaN in value or gradient (double-where)."""
+    return jnp.where(valid, numerator / jnp.where(valid, denominator, 1.0), otherwise)
+
+
+def rk4_step(flow: Callable, time, state: Any, step, slope: Any) -> Any:
+    """One classical fourth-order Runge-Kutta step.
+
+    Args:
+        flow: `flow(time, state) -> d(state)/dt`, with None in the place of what stays constant.
+        slope: `flow(time, state)`, which the caller has at hand already.
+    """
+
+    def ahead(derivative, h):
+        return jax.tree.map(lambda x, d: x if d is None else x + h * d, state, derivative)
+
+    def combine(x, a, b, c, d):
+        return x if a is None else x + step * (1 / 6) * (a + 2 * (b + c) + d)
+
+    k1 = slope
+    k2 = flow(time + step / 2, ahead(k1, step / 2))
+    k3 = flow(time + step / 2, ahead(k2, step / 2))
+    k4 = flow(time + step, ahead(k3, step))
+    return jax.tree.map(combine, state, k1, k2, k3, k4)

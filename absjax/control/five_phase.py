@@ -1,0 +1,70 @@
+"""The five-phase anti-lock algorithm on wheel acceleration thresholds.
+
+| phase | dPb/dt | leaves when |
+|---|---|---|
+| 0 driver braking | ramp u4 / (R w) | x2 <= -eps0 -> 1 |
+| 1 release | -u1 / (R w) | x2 >= eps1 -> 2 |
+| 2 hold | 0 | x2 >= eps2 -> 3; x2 falls back through fallback * eps1 -> 4 |
+| 3 fast apply | u3 / (R w) | x2 <= eps3 -> 4 |
+| 4 slow apply | u4 / (R w) | x2 <= -eps4 -> 5 |
+| 5 hold | 0 | x2 <= -eps5 -> 1 |
+
+Source: Pasillas-Lepine 2006; Hoang et al. 2014, Fig. 5; Aguado-Rojas 2019, Fig. 6.6.
+"""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+
+from absjax.parameters import model, parameter
+from absjax.vehicle import Signals
+
+Number = jax.Array | float
+
+
+def _by_phase(mode, values):
+    chosen = values[-1]
+    for phase, value in reversed(list(enumerate(values[:-1]))):
+        chosen = jnp.where(mode == phase, value, chosen)
+    return chosen
+
+
+@model
+class FivePhase:
+    """Thresholds eps0..eps5 on x2 and pressure rates u1, u3, u4 of the five-phase algorithm."""
+
+    phases: ClassVar[tuple[str, ...]] = ("driver braking", "release", "hold", "fast apply", "slow apply", "hold")
+    slots: ClassVar[int] = 2
+    cycle_phase: ClassVar[int] = 1
+    """the phase whose entry counts a cycle"""
+
+    eps0: Number = parameter("eps0, deceleration that ends driver braking, m/s^2", default=50.0, low=0.0, open_low=True)
+    eps1: Number = parameter("eps1, acceleration that ends the release, m/s^2", default=30.0, low=0.0, open_low=True)
+    eps2: Number = parameter("eps2, acceleration that starts the fast apply, m/s^2", default=40.0, low=0.0, open_low=True)
+    eps3: Number = parameter("eps3, acceleration that ends the fast apply, m/s^2", default=20.0, low=0.0, open_low=True)
+    eps4: Number = parameter("eps4, deceleration that ends the slow apply, m/s^2", default=20.0, low=0.0, open_low=True)
+    eps5: Number = parameter("eps5, deceleration that starts the release, m/s^2", default=30.0, low=0.0, open_low=True)
+    u1: Number = parameter("u1, release, bar m/s^2", default=6000.0, low=0.0, open_low=True)
+    u3: Number = parameter("u3, fast apply, bar m/s^2", default=4000.0, low=0.0, open_low=True)
+    u4: Number = parameter("u4, slow apply, bar m/s^2", default=2000.0, low=0.0, open_low=True)
+    ramp: Number = parameter("driver's ramp as a multiple of the slow apply", default=3.0, low=0.0, open_low=True)
+    fallback: Number = parameter("share of eps1 through which phase 2 falls back", default=0.9, low=0.0, high=1.0)
+
+    def rate(self, signals: Signals, mode):
+        """Commanded dPb/dt [bar/s]."""
+        strength = _by_phase(mode, (self.ramp * self.u4, -self.u1, 0.0, self.u3, self.u4, 0.0))
+        return strength / (signals.radius * signals.wheel_speed)
+
+    def guards(self, signals: Signals, mode):
+        """Slot 0: the threshold that leads on; slot 1: the fall-back of phase 2."""
+        x2 = signals.acceleration_offset
+        rising = (mode == 1) | (mode == 2)
+        threshold = _by_phase(mode, (-self.eps0, self.eps1, self.eps2, self.eps3, -self.eps4, -self.eps5))
+        onward = jnp.where(rising, x2 - threshold, threshold - x2)
+        return onward, jnp.where(mode == 2, self.fallback * self.eps1 - x2, -1.0)
+
+    def next_mode(self, mode, slot):
+        """Phase after the guard of `slot` has fired."""
+        following = jnp.where(mode == 5, 1, mode + 1)
+        return jnp.where((mode == 2) & (slot == 1), 4, following)

@@ -1,0 +1,149 @@
+"""Parameter classes: frozen dataclasses that are pytrees, with unit and bounds declared on the field.
+
+A class decorated with :func:`model` is an immutable dataclass whose fields made by :func:`parameter`
+are pytree leaves and whose other fields are static. Values are checked when a user constructs or
+`dataclasses.replace`-s an instance; instances rebuilt by JAX transformations (gradients, tangents,
+tracers) are not, because a gradient of a positive quantity may well be negative.
+"""
+
+import dataclasses
+import math
+from typing import Any, TypeVar, dataclass_transform
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+T = TypeVar("T")
+
+
+@dataclasses.dataclass(frozen=True)
+class Bounds:
+    """Admissible interval of a parameter; `open_low` excludes the lower end itself."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    open_low: bool = False
+
+    def __str__(self) -> str:
+        left = "(" if self.open_low or math.isinf(self.low) else "["
+        right = ")" if math.isinf(self.high) else "]"
+        return f"{left}{self.low:g}, {self.high:g}{right}"
+
+
+def parameter(
+    doc: str,
+    *,
+    default: Any = dataclasses.MISSING,
+    low: float = -math.inf,
+    high: float = math.inf,
+    open_low: bool = False,
+    ndim: int = 0,
+) -> Any:
+    """Declare a field that is a pytree leaf.
+
+    Args:
+        doc: one line: symbol, unit, and shape where it is not a scalar.
+        default: value when the field is not given; `None` marks an optional part that is absent.
+        low, high: bounds of every entry; `open_low` excludes `low` itself.
+        ndim: number of axes for one lane; a value with one more is an ensemble, lanes first.
+    """
+    return dataclasses.field(
+        default=default,
+        metadata={"doc": doc, "bounds": Bounds(low, high, open_low), "leaf": True, "ndim": ndim},
+    )
+
+
+def _check(owner: str, field: dataclasses.Field, value: Any) -> None:
+    if value is None or isinstance(value, jax.core.Tracer) or not jnp.isscalar(value) and not hasattr(value, "dtype"):
+        return
+    bounds: Bounds = field.metadata["bounds"]
+    try:
+        numbers = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{owner}.{field.name} = {value!r} is not a number; {field.metadata['doc']}") from None
+    good = np.isfinite(numbers) & (numbers <= bounds.high)
+    good &= (numbers > bounds.low) if bounds.open_low else (numbers >= bounds.low)
+    if not good.all():
+        shown = numbers[~good].flat[0]
+        raise ValueError(
+            f"{owner}.{field.name} = {shown:g} is outside {bounds} (finite numbers only); {field.metadata['doc']}"
+        )
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(parameter, dataclasses.field))
+def model(cls: type[T]) -> type[T]:
+    """Make `cls` a frozen dataclass and a pytree: `parameter` fields and nested models are children.
+
+    Raises:
+        ValueError: at construction, when a value is not a finite number inside its bounds. The
+            message names class, field, value and what is allowed.
+    """
+    own_post_init = cls.__dict__.get("__post_init__")
+
+    def __post_init__(self):
+        for field in dataclasses.fields(self):
+            if field.metadata.get("leaf"):
+                _check(type(self).__name__, field, getattr(self, field.name))
+        if own_post_init is not None:
+            own_post_init(self)
+
+    setattr(cls, "__post_init__", __post_init__)
+    cls = dataclasses.dataclass(frozen=True)(cls)
+    leaves = tuple(f.name for f in dataclasses.fields(cls) if f.metadata.get("leaf") or f.metadata.get("part"))
+    static = tuple(f.name for f in dataclasses.fields(cls) if f.name not in leaves)
+
+    def flatten(instance):
+        children = tuple((jax.tree_util.GetAttrKey(name), getattr(instance, name)) for name in leaves)
+        return children, tuple(getattr(instance, name) for name in static)
+
+    def unflatten(aux, children):
+        instance = object.__new__(cls)
+        for name, value in zip(leaves + static, tuple(children) + aux):
+            object.__setattr__(instance, name, value)
+        return instance
+
+    jax.tree_util.register_pytree_with_keys(cls, flatten, unflatten)
+    return cls
+
+
+def part(doc: str, *, default: Any = dataclasses.MISSING) -> Any:
+    """Declare a field that holds another model (a pytree itself), for example the road of a car."""
+    if default is dataclasses.MISSING:
+        return dataclasses.field(metadata={"doc": doc, "part": True})
+    return dataclasses.field(default=default, metadata={"doc": doc, "part": True})
+
+
+def bounds_of(instance_or_class: Any) -> dict[str, Bounds]:
+    """Bounds of every `parameter` field, by name."""
+    fields = dataclasses.fields(instance_or_class)
+    return {f.name: f.metadata["bounds"] for f in fields if f.metadata.get("leaf")}
+
+
+def is_model(value: Any) -> bool:
+    """Whether `value` is an instance of a class made by :func:`model`."""
+    return dataclasses.is_dataclass(value) and not isinstance(value, type)
+
+
+def lane_axes(tree: Any) -> Any:
+    """Same structure as `tree`, with 0 at leaves that carry a leading axis of lanes and -1 elsewhere.
+
+    A leaf carries lanes when it has one axis more than its field declares; a leaf outside a model is
+    a scalar per lane.
+    """
+
+    def axes(node):
+        if not is_model(node):
+            return 0 if jnp.ndim(node) > 0 else -1
+        values = []
+        for field in dataclasses.fields(node):
+            value = getattr(node, field.name)
+            if field.metadata.get("leaf"):
+                value = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) > field.metadata["ndim"] else -1, value)
+                values.append(value)
+            elif field.metadata.get("part"):
+                values.append(lane_axes(value))
+        _, treedef = jax.tree.flatten(node, is_leaf=lambda child: child is not node)
+        return jax.tree.unflatten(treedef, values)
+
+    return jax.tree.map(axes, tree, is_leaf=is_model)

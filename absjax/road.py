@@ -1,0 +1,108 @@
+"""Roads: which tyre curve holds where and when, and the published surfaces."""
+
+from typing import Literal, Protocol
+
+import jax
+import jax.numpy as jnp
+
+from absjax.parameters import model, parameter, part
+from absjax.tyre import Burckhardt, Tyre
+
+SURFACES: dict[str, Burckhardt] = {
+    "dry_asphalt": Burckhardt(1.2801, 23.99, 0.52),
+    "wet_asphalt": Burckhardt(0.857, 33.822, 0.347),
+    "dry_concrete": Burckhardt(1.1973, 25.168, 0.5373),
+    "dry_cobblestones": Burckhardt(1.3713, 6.4565, 0.6691),
+    "wet_cobblestones": Burckhardt(0.4004, 33.708, 0.1204),
+    "snow": Burckhardt(0.1946, 94.129, 0.0646),
+    "ice": Burckhardt(0.05, 306.39, 0.0),
+}
+"""Burckhardt coefficients by surface. Source: Aguado-Rojas 2019, Table 2.1."""
+
+
+def surface(name: str) -> Burckhardt:
+    """The published surface `name`.
+
+    Raises:
+        ValueError: if there is none; lists those there are.
+    """
+    if name not in SURFACES:
+        raise ValueError(f"surface {name!r} is unknown; there are {', '.join(SURFACES)}")
+    return SURFACES[name]
+
+
+class Road(Protocol):
+    """What a vehicle asks of a road."""
+
+    def friction(self, slip: jax.Array, time: jax.Array, distance: jax.Array) -> jax.Array:
+        """mu(lambda) at `time` [s] and `distance` [m]."""
+        ...
+
+    def stiffness(self, slip: jax.Array, time: jax.Array, distance: jax.Array) -> jax.Array:
+        """XBS = mu'(lambda) at `time` [s] and `distance` [m]."""
+        ...
+
+
+@model
+class UniformRoad:
+    """One surface everywhere."""
+
+    tyre: Tyre = part("tyre curve")
+
+    def friction(self, slip, time, distance):
+        """mu(lambda)."""
+        return self.tyre.friction(slip)
+
+    def stiffness(self, slip, time, distance):
+        """XBS."""
+        return self.tyre.stiffness(slip)
+
+
+@model
+class ChangingRoad:
+    """A sequence of surfaces along time or along the road, blended from each to the next.
+
+    Friction is the first surface's plus, for every change i, S((x - x_i) / blend) times the difference
+    to the surface before; S(z) = z^4 (35 - 84 z + 70 z^2 - 20 z^3) has three continuous derivatives,
+    so that the rollout keeps its fourth order.
+
+    Raises:
+        ValueError: at construction, unless there is one change fewer than surfaces.
+    """
+
+    surfaces: tuple[Tyre, ...] = part("tyre curves, in order")
+    changes: tuple[jax.Array | float, ...] = parameter("x_i, where each blend begins, s or m")
+    blend: jax.Array | float = parameter("length of a blend, s or m", default=0.025, low=0.0, open_low=True)
+    along: Literal["time", "distance"] = "time"
+
+    def __post_init__(self):
+        if len(self.changes) != len(self.surfaces) - 1:
+            raise ValueError(f"ChangingRoad.changes has {len(self.changes)} entries for {len(self.surfaces)} surfaces")
+        if self.along not in ("time", "distance"):
+            raise ValueError(f"ChangingRoad.along = {self.along!r} must be 'time' or 'distance'")
+
+    def _mix(self, values, time, distance):
+        position = time if self.along == "time" else distance
+        total = values[0]
+        for change, before, after in zip(self.changes, values, values[1:]):
+            z = jnp.clip((position - change) / self.blend, 0.0, 1.0)
+            share = z**4 * (35 - 84 * z + 70 * z**2 - 20 * z**3)
+            total = total + share * (after - before)
+        return total
+
+    def friction(self, slip, time, distance):
+        """mu(lambda) at `time` or `distance`."""
+        return self._mix([tyre.friction(slip) for tyre in self.surfaces], time, distance)
+
+    def stiffness(self, slip, time, distance):
+        """XBS at `time` or `distance`."""
+        return self._mix([tyre.stiffness(slip) for tyre in self.surfaces], time, distance)
+
+
+def as_road(road_or_tyre) -> Road:
+    """A road from a road, a tyre curve, or the name of a published surface."""
+    if isinstance(road_or_tyre, str):
+        return UniformRoad(surface(road_or_tyre))
+    if isinstance(road_or_tyre, (UniformRoad, ChangingRoad)) or not hasattr(road_or_tyre, "curvature"):
+        return road_or_tyre
+    return UniformRoad(road_or_tyre)
