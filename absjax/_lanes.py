@@ -198,7 +198,7 @@ def _decide(grid: Grid, lanes: Lanes, held, unsound, there: Local, opened_by, st
     """The decision when some lane of the tile may have crossed, lands, or jumps."""
     normal = lanes.doing == NORMAL
     crossed, target = lax.cond(
-        jnp.any(_humps_possible(lanes, there, step)),
+        jnp.any(_humps_possible(lanes, there, step, normal) & ~held),
         partial(_crossing, humps=True), partial(_crossing, humps=False),
         lanes, there, step, normal,
     )
@@ -227,12 +227,13 @@ def _decide(grid: Grid, lanes: Lanes, held, unsound, there: Local, opened_by, st
     )
 
 
-def _humps_possible(lanes: Lanes, there: Local, step):
+def _humps_possible(lanes: Lanes, there: Local, step, normal):
     """Whether a guard may have risen above zero and fallen back within the step."""
     possible = step < -jnp.inf
     for i in range(len(there.guards)):
         ends = _ends(lanes, there, step, i)
-        possible = possible | (_locate.may_cross(ends) & (ends.g1 < 0))
+        candidate = normal | ((lanes.doing == LANDING) & (lanes.slot != i))
+        possible = possible | (_locate.may_cross(ends) & (ends.g1 < 0) & candidate)
     return possible
 
 
@@ -291,17 +292,22 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
     normal = lanes.doing == NORMAL
     accepted = normal & ~kept
     failed = active & ~finite
+    before, after = (lanes.state, lanes.local), (moved.state, here)
+    if here.guards:
+        state, present = tree_where(kept, before, after)
+    else:
+        state, present = lax.cond(jnp.any(kept), tree_where, lambda kept, old, new: new, kept, before, after)
     following = Lanes(
         index=lanes.index + accepted,
         left=jnp.where(accepted, grid.step, jnp.where(kept, lanes.left, lanes.left - moved.step)),
-        state=tree_where(kept, lanes.state, moved.state),
+        state=state,
         mode=jnp.where(kept, jnp.where(failed, DIVERGED, lanes.mode), moved.mode),
         doing=jnp.where(active, decision.doing, lanes.doing),
         landing=decision.landing,
         slot=decision.slot,
         events=lanes.events + (~kept & (lanes.doing >= CROSSING)),
         grazes=lanes.grazes + (active & decision.grazed),
-        local=tree_where(kept, lanes.local, here),
+        local=present,
     )
     return following, kept
 
