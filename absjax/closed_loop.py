@@ -17,6 +17,12 @@ from absjax.parameters import model, parameter, part
 from absjax.vehicle import Plant, Signals
 
 
+LOCKED = -3
+"""Mode of a lane whose wheel has locked."""
+LOCK_RATIO = 0.02
+"""A wheel whose rim is slower than this share of the vehicle has locked."""
+
+
 class Controller(Protocol):
     """An anti-lock controller: an automaton on signals that commands a pressure rate."""
 
@@ -44,6 +50,8 @@ class Memory(NamedTuple):
     """when the controller first switched, s"""
     onset_speed: jax.Array
     """vehicle speed then, m/s"""
+    onset_position: jax.Array
+    """distance travelled until then, m"""
     cycles: jax.Array
     """times the controller has entered its cycle phase"""
 
@@ -61,20 +69,24 @@ class ClosedLoop:
     """A braked plant under an anti-lock controller, switchings located.
 
     Mode: the controller's phase, plus the number of phases while the pressure rests on one of its
-    limits; `FINISHED` after the vehicle has fallen to `stop_speed`.
+    limits; `FINISHED` after the vehicle has fallen to `stop_speed`, `LOCKED` if the wheel has locked
+    before.
     """
 
     plant: Plant = part("what is braked")
     brake: Brake = part("the actuator")
     controller: Controller = part("the controller")
     stop_speed: jax.Array | float | None = parameter(
-        "vehicle speed that ends the manoeuvre, m/s; None: it never ends", default=None, low=0.0, open_low=True
+        "vehicle speed that ends the manoeuvre, m/s; None: it never ends, nor is lock looked for",
+        default=None,
+        low=0.0,
+        open_low=True,
     )
 
     def at(self, speed) -> LoopState:
         """State of free rolling at `speed` [m/s] with the brake released."""
         zero = 0.0 * speed
-        return LoopState(self.plant.at(speed), self.brake.at(zero), Memory(zero, speed, zero))
+        return LoopState(self.plant.at(speed), self.brake.at(zero), Memory(zero, speed, zero, zero))
 
     def phase(self, mode):
         """The controller's phase in `mode`."""
@@ -97,25 +109,31 @@ class ClosedLoop:
         if self.brake.driver_pressure is not None:
             rate = jnp.where(self._pressed(mode), rate, 0.0)
         plant = self.plant.flow(time, state.plant, self.brake.pressure(state.brake))
-        return LoopState(plant, self.brake.flow(state.brake, rate), Memory(None, None, None))
+        return LoopState(plant, self.brake.flow(state.brake, rate), Memory(None, None, None, None))
 
-    def limits(self, state: LoopState, mode, rate) -> tuple[jax.Array, ...]:
-        """Guards that are physical, not the controller's: the stop, and the limits of the pressure."""
+    def limits(self, time, state: LoopState, mode, rate) -> tuple[jax.Array, ...]:
+        """Guards that are physical, not the controller's: the end (stop or lock), and the limits of the
+        pressure."""
         guards = ()
         if self.stop_speed is not None:
-            guards += (self.stop_speed - state.plant.speed,)
+            speed = self.plant.speed_of(time, state.plant)
+            rim = self.plant.wheel.radius * state.plant.wheel_speed
+            guards += (jnp.maximum(self.stop_speed - speed, LOCK_RATIO * speed - rim),)
         if self.brake.driver_pressure is not None:
             pressure = state.brake.commanded
             excess = jnp.where(rate < 0, -pressure, pressure - self.brake.driver_pressure)
             guards += (jnp.where(self._pressed(mode) & (rate != 0), excess, -1.0),)
         return guards
 
-    def meet_limit(self, mode, slot):
+    def meet_limit(self, time, state: LoopState, mode, slot):
         """Mode after guard `slot` of `limits` has fired."""
         rests = mode + len(self.controller.phases)
         if self.stop_speed is None:
             return rests
-        return jnp.where(slot == 0, FINISHED, rests)
+        speed = self.plant.speed_of(time, state.plant)
+        rim = self.plant.wheel.radius * state.plant.wheel_speed
+        locked = LOCK_RATIO * speed - rim > self.stop_speed - speed
+        return jnp.where(slot == 0, jnp.where(locked, LOCKED, FINISHED), rests)
 
     def switch(self, time, state: LoopState, mode, slot) -> tuple[LoopState, jax.Array]:
         """State and mode after the controller's guard `slot` has fired."""
@@ -125,7 +143,8 @@ class ClosedLoop:
         first = memory.onset_time == 0
         memory = Memory(
             jnp.where(first, time, memory.onset_time),
-            jnp.where(first, self.signals(time, state).vehicle_speed, memory.onset_speed),
+            jnp.where(first, self.plant.speed_of(time, state.plant), memory.onset_speed),
+            jnp.where(first, self.plant.position(time, state.plant), memory.onset_position),
             memory.cycles + (following == self.controller.cycle_phase),
         )
         return state._replace(memory=memory), following
@@ -137,14 +156,14 @@ class ClosedLoop:
     def guards(self, time, state: LoopState, mode):
         """The controller's slots, then the limits."""
         signals = self.signals(time, state)
-        return self.controller.guards(signals, self.phase(mode)) + self.limits(state, mode, self.command(signals, mode))
+        return self.controller.guards(signals, self.phase(mode)) + self.limits(time, state, mode, self.command(signals, mode))
 
     def jump(self, time, state: LoopState, mode, slot):
         """The controller switches, the manoeuvre ends, or the pressure comes to rest on a limit."""
         slots = self.controller.slots
         switched, phase = self.switch(time, state, mode, slot)
         own = slot < slots
-        return tree_where(own, switched, state), jnp.where(own, phase, self.meet_limit(mode, slot - slots))
+        return tree_where(own, switched, state), jnp.where(own, phase, self.meet_limit(time, state, mode, slot - slots))
 
 
 class SampledState(NamedTuple):
@@ -191,11 +210,11 @@ class SampledLoop:
 
     def guards(self, time, state: SampledState, mode):
         """The limits."""
-        return self.loop.limits(state.loop, mode, state.rates[-1])
+        return self.loop.limits(time, state.loop, mode, state.rates[-1])
 
     def jump(self, time, state: SampledState, mode, slot):
         """The manoeuvre ends, or the pressure comes to rest on a limit."""
-        return state, self.loop.meet_limit(mode, slot)
+        return state, self.loop.meet_limit(time, state.loop, mode, slot)
 
     def tick(self, time, state: SampledState, mode):
         """One pass of the control unit."""

@@ -9,7 +9,8 @@ from typing import Any, Protocol, runtime_checkable
 import jax
 
 FINISHED = -1
-"""Mode of a lane whose manoeuvre has ended: it flows no more. A jump returns it to end a lane."""
+"""Mode of a lane whose manoeuvre has ended: it flows no more. A jump returns it, or another mode below
+zero but -2, to end a lane."""
 
 
 @runtime_checkable

@@ -19,7 +19,7 @@ from jax.sharding import Mesh, PartitionSpec
 
 from absjax import _lanes
 from absjax._lanes import DIVERGED, Grid, Lanes, Tile
-from absjax.hybrid import FINISHED, HybridSystem
+from absjax.hybrid import HybridSystem
 from absjax.parameters import lane_axes
 
 SEGMENT = 64
@@ -349,7 +349,7 @@ def _rollout(system, state, mode, step, start, steps, max_events, save_every, sa
             final.mode == DIVERGED,
             Status.DIVERGED,
             jnp.where(
-                final.mode == FINISHED,
+                final.mode < 0,
                 Status.FINISHED,
                 jnp.where(final.index >= steps, Status.COMPLETED, Status.BUDGET_EXHAUSTED),
             ),

@@ -58,8 +58,18 @@ class Plant(Protocol):
 
     wheel: Wheel
 
+    road: Road
+
     def flow(self, time, state, pressure):
         """d(state)/dt under brake pressure [bar]."""
+        ...
+
+    def speed_of(self, time, state) -> jax.Array:
+        """v [m/s]."""
+        ...
+
+    def position(self, time, state) -> jax.Array:
+        """Distance travelled since time 0 [m]."""
         ...
 
     def signals(self, time, state, pressure) -> Signals:
@@ -101,6 +111,14 @@ class QuarterCar:
         offset = self.wheel.radius * slope.wheel_speed - slope.speed
         return Signals(state.speed, state.wheel_speed, offset, self.wheel.radius)
 
+    def speed_of(self, time, state: CarState):
+        """v [m/s]."""
+        return state.speed
+
+    def position(self, time, state: CarState):
+        """Distance travelled [m]."""
+        return state.distance
+
     def at(self, speed) -> CarState:
         """State of free rolling at `speed` [m/s]."""
         return CarState(speed, speed / self.wheel.radius, 0.0 * speed)
@@ -124,16 +142,18 @@ class TestRig:
     speed: jax.Array | float = parameter("v at time 0, m/s", low=0.0, open_low=True)
     acceleration: jax.Array | float = parameter("v', m/s^2", default=0.0)
 
-    def drum_speed(self, time):
+    def speed_of(self, time, state=None):
         """v(time) [m/s]."""
         return self.speed + self.acceleration * time
 
+    def position(self, time, state=None):
+        """Length of drum surface passed [m]."""
+        return time * (self.speed + 0.5 * self.acceleration * time)
+
     def force(self, time, state: RigState):
         """Fx = Fz mu(lambda) [N]."""
-        speed = self.drum_speed(time)
-        slip = self.wheel.slip(state.wheel_speed, speed)
-        distance = time * (self.speed + 0.5 * self.acceleration * time)
-        return self.wheel.load * self.road.friction(slip, time, distance)
+        slip = self.wheel.slip(state.wheel_speed, self.speed_of(time))
+        return self.wheel.load * self.road.friction(slip, time, self.position(time))
 
     def flow(self, time, state: RigState, pressure) -> RigState:
         """(w',)."""
@@ -143,7 +163,7 @@ class TestRig:
         """Signals of the true state."""
         slope = self.flow(time, state, pressure)
         offset = self.wheel.radius * slope.wheel_speed - self.acceleration
-        return Signals(self.drum_speed(time), state.wheel_speed, offset, self.wheel.radius)
+        return Signals(self.speed_of(time), state.wheel_speed, offset, self.wheel.radius)
 
     def at(self, speed) -> RigState:
         """State of free rolling at drum speed `speed` [m/s]."""
