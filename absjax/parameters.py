@@ -39,6 +39,7 @@ def parameter(
     high: float = math.inf,
     open_low: bool = False,
     ndim: int = 0,
+    trainable: bool = False,
 ) -> Any:
     """Declare a field that is a pytree leaf.
 
@@ -46,11 +47,12 @@ def parameter(
         doc: one line: symbol, unit, and shape where it is not a scalar.
         default: value when the field is not given; `None` marks an optional part that is absent.
         low, high: bounds of every entry; `open_low` excludes `low` itself.
+        trainable: whether tuning and identification adjust it unless told otherwise.
         ndim: number of axes for one lane; a value with one more is an ensemble, lanes first.
     """
     return dataclasses.field(
         default=default,
-        metadata={"doc": doc, "bounds": Bounds(low, high, open_low), "leaf": True, "ndim": ndim},
+        metadata={"doc": doc, "bounds": Bounds(low, high, open_low), "leaf": True, "ndim": ndim, "trainable": trainable},
     )
 
 
@@ -118,6 +120,11 @@ def bounds_of(instance_or_class: Any) -> dict[str, Bounds]:
     """Bounds of every `parameter` field, by name."""
     fields = dataclasses.fields(instance_or_class)
     return {f.name: f.metadata["bounds"] for f in fields if f.metadata.get("leaf")}
+
+
+def trainable_names(instance_or_class: Any) -> tuple[str, ...]:
+    """Names of the fields declared trainable, in order."""
+    return tuple(f.name for f in dataclasses.fields(instance_or_class) if f.metadata.get("trainable"))
 
 
 def is_model(value: Any) -> bool:

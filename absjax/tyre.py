@@ -43,9 +43,9 @@ class Burckhardt:
     Coefficients are stored positive, for braking and driving alike. Source: Aguado-Rojas 2019, eq. 2.5.
     """
 
-    c1: jax.Array | float = parameter("c1, friction of the saturated curve, no unit", low=0.0)
-    c2: jax.Array | float = parameter("c2, how fast it saturates with slip, no unit", low=0.0)
-    c3: jax.Array | float = parameter("c3, loss of friction with slip, no unit", low=0.0)
+    c1: jax.Array | float = parameter("c1, friction of the saturated curve, no unit", low=0.0, trainable=True)
+    c2: jax.Array | float = parameter("c2, how fast it saturates with slip, no unit", low=0.0, trainable=True)
+    c3: jax.Array | float = parameter("c3, loss of friction with slip, no unit", low=0.0, trainable=True)
 
     def friction(self, slip):
         """mu(lambda)."""

@@ -12,7 +12,7 @@
 Source: Pasillas-Lepine 2006; Hoang et al. 2014, Fig. 5; Aguado-Rojas 2019, Fig. 6.6.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -21,6 +21,7 @@ from absjax.parameters import model, parameter
 from absjax.vehicle import Signals
 
 Number = jax.Array | float
+_TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
 
 
 def _by_phase(mode, values):
@@ -39,15 +40,18 @@ class FivePhase:
     cycle_phase: ClassVar[int] = 1
     """the phase whose entry counts a cycle"""
 
-    eps0: Number = parameter("eps0, deceleration that ends driver braking, m/s^2", default=50.0, low=0.0, open_low=True)
-    eps1: Number = parameter("eps1, acceleration that ends the release, m/s^2", default=30.0, low=0.0, open_low=True)
-    eps2: Number = parameter("eps2, acceleration that starts the fast apply, m/s^2", default=40.0, low=0.0, open_low=True)
-    eps3: Number = parameter("eps3, acceleration that ends the fast apply, m/s^2", default=20.0, low=0.0, open_low=True)
-    eps4: Number = parameter("eps4, deceleration that ends the slow apply, m/s^2", default=20.0, low=0.0, open_low=True)
-    eps5: Number = parameter("eps5, deceleration that starts the release, m/s^2", default=30.0, low=0.0, open_low=True)
-    u1: Number = parameter("u1, release, bar m/s^2", default=6000.0, low=0.0, open_low=True)
-    u3: Number = parameter("u3, fast apply, bar m/s^2", default=4000.0, low=0.0, open_low=True)
-    u4: Number = parameter("u4, slow apply, bar m/s^2", default=2000.0, low=0.0, open_low=True)
+    thresholds: ClassVar[tuple[str, ...]] = ("eps0", "eps1", "eps2", "eps3", "eps4", "eps5")
+    """the fields that are thresholds on a measured acceleration, which noise keeps from being small"""
+
+    eps0: Number = parameter("eps0, deceleration that ends driver braking, m/s^2", default=50.0, **_TUNED)
+    eps1: Number = parameter("eps1, acceleration that ends the release, m/s^2", default=30.0, **_TUNED)
+    eps2: Number = parameter("eps2, acceleration that starts the fast apply, m/s^2", default=40.0, **_TUNED)
+    eps3: Number = parameter("eps3, acceleration that ends the fast apply, m/s^2", default=20.0, **_TUNED)
+    eps4: Number = parameter("eps4, deceleration that ends the slow apply, m/s^2", default=20.0, **_TUNED)
+    eps5: Number = parameter("eps5, deceleration that starts the release, m/s^2", default=30.0, **_TUNED)
+    u1: Number = parameter("u1, release, bar m/s^2", default=6000.0, **_TUNED)
+    u3: Number = parameter("u3, fast apply, bar m/s^2", default=4000.0, **_TUNED)
+    u4: Number = parameter("u4, slow apply, bar m/s^2", default=2000.0, **_TUNED)
     ramp: Number = parameter("driver's ramp as a multiple of the slow apply", default=3.0, low=0.0, open_low=True)
     fallback: Number = parameter("share of eps1 through which phase 2 falls back", default=0.9, low=0.0, high=1.0)
 
