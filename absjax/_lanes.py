@@ -4,12 +4,12 @@ Every iteration takes one Runge-Kutta step per lane, of a size that depends on w
 
 * NORMAL: to the next grid point. If a guard has crossed on the way the step is rejected, and the lane
   will land on the crossing instead.
-* LANDING, RELANDING, GRAZING: to where the guard's Hermite interpolant is zero. A landing that misses
-  by more than `LANDING_TOLERANCE` grid steps lands once more.
-* CROSSING: the Newton correction dt = -g / g' along the flow, then the jump. Step sizes up to here are
-  constants to differentiation; dt is not, so the switching instant carries the derivative that the
-  implicit function theorem gives it, and the jump the saltation term.
-* IMMEDIATE: the jump alone, of a guard that is open on entering a mode, or that grazes.
+* LANDING, RELANDING: to where the guard's Hermite interpolant is zero, only to see how far that misses;
+  the lane keeps its place, and the step is corrected by -g / g'. A landing that misses by more than
+  `LANDING_TOLERANCE` grid steps is tried once more.
+* CROSSING: over the corrected step, which ends on the guard, and the jump.
+* TOUCHING: the same for a guard that only grazes zero.
+* IMMEDIATE: the jump alone, of a guard that is open on entering a mode.
 
 Slope of the state, guards and guard rates at the lane's present point are kept in the lane: a step
 costs four evaluations of the flow, the guard test included.
@@ -29,7 +29,7 @@ from absjax import _locate
 from absjax._locate import Ends
 from absjax._numerics import rk4_step, safe_divide, tree_where
 
-NORMAL, LANDING, RELANDING, GRAZING, CROSSING, IMMEDIATE = range(6)
+NORMAL, LANDING, RELANDING, CROSSING, TOUCHING, IMMEDIATE = range(6)
 LANDING_TOLERANCE = 1e-5
 DIVERGED = -2
 """Mode of a lane whose state has left the finite numbers; it keeps its last finite state."""
@@ -103,7 +103,7 @@ class Tile:
         return Local(slope, guards, rates)
 
 
-def _pick(values: tuple[jax.Array, ...], slot):
+def pick(values: tuple[jax.Array, ...], slot):
     picked = values[0]
     for i, value in enumerate(values[1:], start=1):
         picked = jnp.where(slot == i, value, picked)
@@ -140,90 +140,72 @@ def time_of(grid: Grid, lanes: Lanes):
     return grid.start + (lanes.index + 1) * grid.step - lanes.left
 
 
-class Move(NamedTuple):
-    """A step as `Lanes.doing` asks for it, without any decision about it."""
-
-    step: jax.Array
-    reached: Any
-    """state at the end of the step, the jump made"""
-    reached_mode: jax.Array
-    state: Any
-    """the same after the tick"""
-    mode: jax.Array
-    unsound: jax.Array
-    """a Newton correction was asked for that the guard rate cannot give"""
+def step_of(lanes: Lanes, held):
+    """Size of the step `Lanes.doing` asks for; lanes that are `held` stay where they are."""
+    step = jnp.where(lanes.doing == NORMAL, lanes.left, jnp.where(lanes.doing == IMMEDIATE, 0.0, lanes.landing))
+    return jnp.where(held, 0.0, step)
 
 
-def move(tile: Tile, grid: Grid, lanes: Lanes, here: Local, held) -> Move:
-    """Take the step, its jump and its tick; lanes that are `held` stay where they are."""
+def _move(tile: Tile, grid: Grid, lanes: Lanes, step):
+    """State and mode after the step and its jump; the same after the tick, where one is due."""
     time = time_of(grid, lanes)
-    step = lanes.left
-    unsound = held & ~held
-    if here.guards:
-        guard, rate = _pick(here.guards, lanes.slot), _pick(here.rates, lanes.slot)
-        crossing = lanes.doing == CROSSING
-        sound = crossing & (rate > 0) & (jnp.abs(guard) <= rate * grid.step)
-        unsound = crossing & ~sound
-        correction = safe_divide(-guard, rate, sound)
-        step = jnp.where(lanes.doing == NORMAL, step, jnp.where(lanes.doing < CROSSING, lanes.landing, correction))
-    step = jnp.where(held, 0.0, step)
-    reached = rk4_step(lambda t, x: tile.flow(t, x, lanes.mode), time, lanes.state, step, here.slope)
-    reached_mode = lanes.mode
-    if here.guards:
+    state = rk4_step(lambda t, x: tile.flow(t, x, lanes.mode), time, lanes.state, step, lanes.local.slope)
+    mode = lanes.mode
+    if lanes.local.guards:
         jumping = lanes.doing >= CROSSING
-        after, mode = tile.jump(time + step, reached, lanes.mode, lanes.slot)
-        reached = tree_where(jumping, after, reached)
-        reached_mode = jnp.where(jumping, mode, lanes.mode).astype(jnp.int32)
-    state, mode = reached, reached_mode
-    if tile.ticks:
-        ticking = tile.ticking(lanes)
-        after, next_mode = tile.tick(time + step, reached, reached_mode)
-        state = tree_where(ticking, after, reached)
-        mode = jnp.where(ticking, next_mode, reached_mode).astype(jnp.int32)
-    return Move(step, reached, reached_mode, state, mode, unsound)
+        after, next_mode = tile.jump(time + step, state, mode, lanes.slot)
+        state = tree_where(jumping, after, state)
+        mode = jnp.where(jumping, next_mode, mode).astype(jnp.int32)
+    if not tile.ticks:
+        return (state, mode), (state, mode)
+    ticking = tile.ticking(lanes)
+    after, next_mode = tile.tick(time + step, state, mode)
+    ticked = tree_where(ticking, after, state), jnp.where(ticking, next_mode, mode).astype(jnp.int32)
+    return (state, mode), ticked
 
 
 class Decision(NamedTuple):
     """What becomes of a step, and what the lane does next."""
 
     kept: jax.Array
-    """the lane keeps its place: rejected, idle or diverged"""
+    """the lane keeps its place: rejected, landing, idle or diverged"""
     doing: jax.Array
     slot: jax.Array
     landing: jax.Array
     grazed: jax.Array
 
 
-def _decide(grid: Grid, lanes: Lanes, held, unsound, there: Local, opened_by, step) -> Decision:
+def _decide(grid: Grid, lanes: Lanes, held, there: Local, opened_by, step) -> Decision:
     """The decision when some lane of the tile may have crossed, lands, or jumps."""
     normal = lanes.doing == NORMAL
     crossed, target = lax.cond(
         jnp.any(_humps_possible(lanes, there, step, normal) & ~held),
-        partial(_crossing, humps=True), partial(_crossing, humps=False),
-        lanes, there, step, normal,
+        partial(_crossing, humps=True),
+        partial(_crossing, humps=False),
+        *(lanes, there, step, normal),
     )
     crossed = crossed & (lanes.doing <= LANDING) & ~held
     rejected, target, fraction, grazing = lax.cond(
-        jnp.any(crossed), _land, lambda lanes, there, step, target, crossed: (crossed, target, step, crossed),
-        lanes, there, step, target, crossed,
+        jnp.any(crossed),
+        _land,
+        lambda lanes, there, step, target, crossed: (crossed, target, step, crossed),
+        *(lanes, there, step, target, crossed),
     )
+    trying = (lanes.doing == LANDING) | (lanes.doing == RELANDING)
+    miss, closing = pick(there.guards, lanes.slot), pick(there.rates, lanes.slot)
+    sound = (closing > 0) & (jnp.abs(miss) <= closing * grid.step)
+    again = (lanes.doing == LANDING) & (jnp.abs(miss) > LANDING_TOLERANCE * grid.step * closing)
+    corrected = jnp.clip(lanes.landing - safe_divide(miss, closing, sound), 0.0, lanes.left)
+    landed = jnp.where(sound, jnp.where(again, RELANDING, CROSSING), TOUCHING)
     opened, open_slot = _first_open(opened_by)
-    miss, closing = _pick(there.guards, lanes.slot), _pick(there.rates, lanes.slot)
-    again = (lanes.doing == LANDING) & (closing > 0) & (jnp.abs(miss) > LANDING_TOLERANCE * grid.step * closing)
-    correction = safe_divide(-miss, closing, again)
-    ahead = jnp.clip(correction, -step, jnp.maximum(lanes.left - step, 0.0))
-    entering = normal | (lanes.doing >= CROSSING)
-    following = jnp.where(
-        entering,
-        jnp.where(opened, IMMEDIATE, NORMAL),
-        jnp.where(again, RELANDING, jnp.where(lanes.doing == GRAZING, IMMEDIATE, CROSSING)),
-    )
+    doing = jnp.where(trying, landed, jnp.where(opened, IMMEDIATE, NORMAL))
+    slot = jnp.where(trying, lanes.slot, open_slot)
     return Decision(
-        kept=held | rejected,
-        doing=jnp.where(rejected, jnp.where(grazing, GRAZING, LANDING), following).astype(jnp.int32),
-        slot=jnp.where(rejected, target, jnp.where(entering, open_slot, lanes.slot)).astype(jnp.int32),
-        landing=jnp.where(rejected, fraction * step, ahead),
-        grazed=unsound | (rejected & grazing),
+        kept=held | rejected | trying,
+        doing=jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), doing).astype(jnp.int32),
+        slot=jnp.where(rejected, target, slot).astype(jnp.int32),
+        landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, lanes.landing)),
+        grazed=jnp.where(rejected, grazing, trying & ~sound),
     )
 
 
@@ -255,7 +237,7 @@ def _crossing(lanes: Lanes, there: Local, step, normal, humps: bool):
 def _land(lanes: Lanes, there: Local, step, target, crossed):
     """Crossed, target, the fraction of the step at which its guard crossed, and whether it grazes."""
     all_ends = [_ends(lanes, there, step, i) for i in range(len(there.guards))]
-    ends = jax.tree.map(lambda *values: _pick(values, target), *all_ends)
+    ends = jax.tree.map(lambda *values: pick(values, target), *all_ends)
     _, last, start = _locate.detect(ends, humps=True)
     return crossed, target, *_locate.refine(ends, last, start)
 
@@ -267,56 +249,43 @@ def _ends(lanes: Lanes, there: Local, step, i: int) -> Ends:
 def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
     """One iteration. Returns the lanes, and which of them have kept their place."""
     active = is_active(grid, lanes)
-    moved = move(tile, grid, lanes, lanes.local, ~active)
-    time = time_of(grid, lanes) + moved.step
-    here = there = tile.local(time, moved.state, moved.mode)
+    step = step_of(lanes, ~active)
+    (reached, reached_mode), (state, mode) = _move(tile, grid, lanes, step)
+    time = time_of(grid, lanes) + step
+    here = there = tile.local(time, state, mode)
     if tile.ticks and here.guards:
-        there = tile.local(time, moved.reached, moved.reached_mode)
-    finite = jnp.isfinite(sum(jax.tree.leaves((moved.state, here.slope))))
+        there = tile.local(time, reached, reached_mode)
+    finite = jnp.isfinite(sum(jax.tree.leaves((state, here.slope))))
     held = ~(active & finite)
-    grazed = moved.unsound
     if here.guards:
         busy = lanes.doing != NORMAL
         for i in range(len(here.guards)):
-            busy = busy | _locate.may_cross(_ends(lanes, there, moved.step, i)) | (here.guards[i] >= 0)
+            busy = busy | _locate.may_cross(_ends(lanes, there, step, i)) | (here.guards[i] >= 0)
 
-        def calm(grid, lanes, held, unsound, *_):
-            return Decision(held, lanes.doing, lanes.slot, lanes.landing, unsound)
+        def calm(grid, lanes, held, *_):
+            return Decision(held, lanes.doing, lanes.slot, lanes.landing, held & ~held)
 
-        decision = lax.cond(
-            jnp.any(busy), _decide, calm, grid, lanes, held, moved.unsound, there, here.guards, moved.step
-        )
+        decision = lax.cond(jnp.any(busy), _decide, calm, grid, lanes, held, there, here.guards, step)
     else:
-        decision = Decision(held, lanes.doing, lanes.slot, lanes.landing, grazed)
+        decision = Decision(held, lanes.doing, lanes.slot, lanes.landing, held & ~held)
     kept = decision.kept
-    normal = lanes.doing == NORMAL
-    accepted = normal & ~kept
+    accepted = (lanes.doing == NORMAL) & ~kept
     failed = active & ~finite
-    before, after = (lanes.state, lanes.local), (moved.state, here)
+    before, after = (lanes.state, lanes.local), (state, here)
     if here.guards:
-        state, present = tree_where(kept, before, after)
+        state, local = tree_where(kept, before, after)
     else:
-        state, present = lax.cond(jnp.any(kept), tree_where, lambda kept, old, new: new, kept, before, after)
+        state, local = lax.cond(jnp.any(kept), tree_where, lambda kept, old, new: new, kept, before, after)
     following = Lanes(
         index=lanes.index + accepted,
-        left=jnp.where(accepted, grid.step, jnp.where(kept, lanes.left, lanes.left - moved.step)),
+        left=jnp.where(accepted, grid.step, jnp.where(kept, lanes.left, lanes.left - step)),
         state=state,
-        mode=jnp.where(kept, jnp.where(failed, DIVERGED, lanes.mode), moved.mode),
+        mode=jnp.where(kept, jnp.where(failed, DIVERGED, lanes.mode), mode),
         doing=jnp.where(active, decision.doing, lanes.doing),
         landing=decision.landing,
         slot=decision.slot,
         events=lanes.events + (~kept & (lanes.doing >= CROSSING)),
         grazes=lanes.grazes + (active & decision.grazed),
-        local=present,
+        local=local,
     )
     return following, kept
-
-
-def replay(tile: Tile, grid: Grid, lanes: Lanes, kept, state, left):
-    """State and time left after the iteration `advance` made from `lanes`: the same numbers, with every
-    decision taken from the record. This is what is differentiated."""
-    lanes = lanes._replace(state=state, left=left)
-    here = tile.local(time_of(grid, lanes), state, lanes.mode)
-    moved = move(tile, grid, lanes, here, kept)
-    left_after = jnp.where(lanes.doing == NORMAL, grid.step, left - moved.step)
-    return tree_where(kept, state, moved.state), jnp.where(kept, left, left_after)

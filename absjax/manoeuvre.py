@@ -65,6 +65,7 @@ def stop(
     save_every: int = 0,
     save_switches: bool = False,
     checkpoint: bool | None = None,
+    tile: int | None = None,
 ) -> Stop:
     """Brake from `speed` to the loop's stop speed.
 
@@ -72,7 +73,7 @@ def stop(
         loop: the closed loop; its `stop_speed` must be set. Leaves with a leading axis make an ensemble.
         speed: initial speed [m/s], scalar or (lanes,).
         horizon: longest time allowed [s].
-        step, max_events, save_every, save_switches, checkpoint: see `absjax.rollout.rollout`.
+        step, max_events, save_every, save_switches, checkpoint, tile: see `absjax.rollout.rollout`.
 
     Returns:
         A `Stop`, differentiable with respect to loop and speed.
@@ -98,6 +99,7 @@ def stop(
         save_every=save_every,
         save_switches=save_switches,
         checkpoint=checkpoint,
+        tile=tile,
     )
     return _assess(base, speed, result)
 

@@ -1,9 +1,9 @@
 """The rollout engine: a hybrid system through one `jax.lax.scan`, differentiable through its switchings.
 
 Lanes run at their own pace (see `absjax._lanes`); the scan is cut into segments, and a segment in which
-no lane of the tile has anywhere to go is skipped. Derivatives, forward and reverse, come from a replay
-of the steps a segment has taken: the tangent of each step is linear in the tangent before it, so no
-root finding, no rejected step and no chain of recomputation is differentiated.
+no lane of the tile has anywhere to go is skipped. Derivatives, forward and reverse, come from the record
+of the steps a segment has taken (see `absjax._tangent`): the tangent of each step is linear in the
+tangent before it, so no root finding, no rejected step and no chain of recomputation is differentiated.
 """
 
 import enum
@@ -17,7 +17,7 @@ from jax import lax
 from jax.custom_derivatives import SymbolicZero
 from jax.sharding import Mesh, PartitionSpec
 
-from absjax import _lanes
+from absjax import _lanes, _tangent
 from absjax._lanes import DIVERGED, Grid, Lanes, Tile
 from absjax.hybrid import HybridSystem
 from absjax.parameters import lane_axes
@@ -25,7 +25,9 @@ from absjax.parameters import lane_axes
 SEGMENT = 64
 """Iterations of the scan between two looks whether any lane is still under way."""
 TILE = 256
-"""Lanes that run as one batch; larger ensembles are cut into tiles."""
+"""Most lanes that run as one batch; larger ensembles are cut into tiles."""
+SMALLEST_TILE = 32
+"""An ensemble is spread over devices as long as tiles stay this large."""
 REPLAY_BYTES = 2**28
 """Above this size of the record of all lanes, `checkpoint=None` recomputes segments instead."""
 
@@ -156,18 +158,15 @@ def _segment(system_axes, plan: _Plan):
         moving = [dot for dot, alive in zip(dots, live) if alive]
         after, (records, (befores, kepts)) = iterate(system, grid, lanes, keep_lanes=True)
 
-        def rebuild(values):
+        def tile_of(values):
             values = iter(values)
-            return treedef.unflatten([next(values) if alive else leaf for leaf, alive in zip(leaves, live)])
+            system = treedef.unflatten([next(values) if alive else leaf for leaf, alive in zip(leaves, live)])
+            return Tile(system, system_axes)
 
         def tangent(carry, trace):
             before, kept = trace
             values = [leaf for leaf, alive in zip(leaves, live) if alive]
-
-            def step(values, state, left):
-                return _lanes.replay(Tile(rebuild(values), system_axes), grid, before, kept, state, left)
-
-            _, carry = jax.jvp(step, (values, before.state, before.left), (moving, *carry))
+            carry = _tangent.tangent(tile_of, values, grid, before, kept, moving, *carry)
             return carry, carry if plan.save else None
 
         dense = partial(jax.tree.map, lambda t: jnp.zeros(t.shape, t.dtype) if isinstance(t, SymbolicZero) else t)
@@ -266,7 +265,7 @@ def rollout(
     save_every: int = 0,
     save_switches: bool = False,
     checkpoint: bool | None = None,
-    tile: int = TILE,
+    tile: int | None = None,
 ) -> Rollout:
     """Roll a hybrid system out over `steps` grid steps, every switching located inside its step.
 
@@ -287,7 +286,8 @@ def rollout(
         save_switches: keep the log of the switchings.
         checkpoint: recompute segments in the reverse pass instead of keeping the record of their
             steps. None decides by the size of that record.
-        tile: lanes per batch.
+        tile: lanes per batch. Lanes that run long together belong together: a tile ends with its last lane.
+            None decides by the number of lanes and devices.
 
     Returns:
         A `Rollout`; without lanes its arrays are scalars.
@@ -296,14 +296,15 @@ def rollout(
         ValueError: if `steps`, `step`, `max_events`, `save_every` or `tile` is not admissible, or
             two ensembles differ in size.
     """
-    for name, value, least in (("steps", steps, 1), ("max_events", max_events, 0), ("tile", tile, 1), ("save_every", save_every, 0)):
+    least_of = {"steps": (steps, 1), "max_events": (max_events, 0), "save_every": (save_every, 0), "tile": (tile or 1, 1)}
+    for name, (value, least) in least_of.items():
         if int(value) != value or value < least:
             raise ValueError(f"{name} = {value} must be an integer >= {least}")
     if not isinstance(step, jax.core.Tracer) and not 0 < float(step) < np.inf:
         raise ValueError(f"step = {step} must be a positive number of seconds")
     if save_every > steps:
         raise ValueError(f"save_every = {save_every} exceeds steps = {steps}")
-    return _rollout(system, state, mode, step, start, int(steps), int(max_events), int(save_every), save_switches, checkpoint, int(tile))
+    return _rollout(system, state, mode, step, start, int(steps), int(max_events), int(save_every), save_switches, checkpoint, tile)
 
 
 @partial(jax.jit, static_argnums=(5, 6, 7, 8, 9, 10))
@@ -357,6 +358,7 @@ def _rollout(system, state, mode, step, start, steps, max_events, save_every, sa
         time = _lanes.time_of(grid, final)
         return Rollout(time, final.state, final.mode, status, final.events, final.grazes, *kept)
 
+    tile = tile or min(TILE, max(SMALLEST_TILE, -(-lanes // len(jax.local_devices()))))
     result = _over_tiles(run_tile, axes, lanes, tile)(system, state, mode)
     return jax.tree.map(lambda leaf: leaf[0], result) if single else result
 
@@ -374,8 +376,14 @@ def _over_tiles(run_tile, axes, lanes: int, tile: int):
     per_device = -(-lanes // (tile * devices.size))
     padded = tile * devices.size * per_device
 
-    def pad(leaf):
-        return jnp.concatenate([leaf, jnp.broadcast_to(leaf[-1:], (padded - lanes, *leaf.shape[1:]))])
+    # Tiles are dealt out to the devices in turn, so that each gets its share of the long ones.
+    def deal(leaf):
+        leaf = jnp.concatenate([leaf, jnp.broadcast_to(leaf[-1:], (padded - lanes, *leaf.shape[1:]))])
+        return leaf.reshape(per_device, devices.size, tile, *leaf.shape[1:]).swapaxes(0, 1).reshape(leaf.shape)
+
+    def collect(leaf):
+        tiles = leaf.reshape(devices.size, per_device, tile, *leaf.shape[1:])
+        return tiles.swapaxes(0, 1).reshape(leaf.shape)[:lanes]
 
     def on_device(system, state, mode):
         def cut(leaf):
@@ -395,8 +403,8 @@ def _over_tiles(run_tile, axes, lanes: int, tile: int):
         return jax.tree.map(lambda leaf: leaf.reshape((-1,) + leaf.shape[2:]), result)
 
     def run(system, state, mode):
-        system = jax.tree.map(lambda leaf, axis: leaf if axis < 0 else pad(leaf), system, axes)
-        state, mode = jax.tree.map(pad, (state, mode))
+        system = jax.tree.map(lambda leaf, axis: leaf if axis < 0 else deal(leaf), system, axes)
+        state, mode = jax.tree.map(deal, (state, mode))
         over = PartitionSpec("lanes")
         specs = jax.tree.map(lambda axis: PartitionSpec() if axis < 0 else over, axes)
         program = on_device
@@ -405,6 +413,6 @@ def _over_tiles(run_tile, axes, lanes: int, tile: int):
             program = jax.shard_map(
                 on_device, mesh=mesh, in_specs=(specs, over, over), out_specs=over, check_vma=False
             )
-        return jax.tree.map(lambda leaf: leaf[:lanes], program(system, state, mode))
+        return jax.tree.map(collect, program(system, state, mode))
 
     return run

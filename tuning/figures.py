@@ -80,7 +80,7 @@ def _band(segment: Segment, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _log(result: Identification, log: BrakeLog, wheel: Wheel):
     samples = friction_samples(log, wheel)
-    figure, axes = plt.subplots(3, 1, figsize=(9, 7), sharex=True)
+    figure, axes = plt.subplots(3, 1, figsize=(9, 7), sharex=True, layout="constrained")
     axes[0].plot(log.time, log.vehicle_speed, label="vehicle")
     axes[0].plot(log.time, float(wheel.radius) * log.wheel_speed, lw=0.8, label="wheel rim")
     axes[0].set_ylabel("speed [m/s]")
@@ -90,10 +90,11 @@ def _log(result: Identification, log: BrakeLog, wheel: Wheel):
     axes[2].plot(log.time, -samples.friction, lw=0.6, label="measured")
     for i, segment in enumerate(result.segments):
         inside = (log.time >= segment.start) & (log.time <= segment.end)
-        axes[2].plot(log.time[inside], -np.asarray(segment.tyre.friction(samples.slip[inside])), lw=1, color=f"C{i + 1}")
+        axes[2].plot(log.time[inside], -np.asarray(segment.tyre.friction(samples.slip[inside])), lw=1.2, color="k", label="fitted" if i == 0 else None)
         for axis in axes:
             axis.axvspan(segment.start, segment.end, color=f"C{i}", alpha=0.08, lw=0)
     axes[2].set(xlabel="time [s]", ylabel="friction |μ|")
+    axes[2].legend(fontsize="small", loc="lower right")
     for axis in axes:
         axis.grid(alpha=0.3)
     figure.suptitle(f"{result.log}: {len(result.segments)} surface(s)")

@@ -21,11 +21,13 @@ from tuning.output_error import fit_output_error
 from tuning.version import VERSION
 
 Z95 = 1.959963984540054
+STEEPEST = 2.1875
+"""Steepest slope of the blend of `ChangingRoad`, times its length."""
 GUARD = 0.03
 """Time kept clear of the middle of a change [s]."""
 LARGEST_RELATIVE_WIDTH = 0.5
 """A parameter whose 95 % half-width exceeds this share of it is not identifiable."""
-BLENDS = (0.001, 0.005, 0.01, 0.025, 0.05)
+BLENDS = (0.001, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.06)
 PARAMETERS = ("c1", "c2", "c3")
 QUANTITIES = (*PARAMETERS, "peak_friction", "peak_slip")
 
@@ -79,15 +81,16 @@ class Identification:
     log: str
     segments: list[Segment]
     blends: list[float]
-    """length of the blend at each change [s]"""
+    """length of the blend at each change, taken as linear [s]"""
     wheel: dict[str, float]
     version: str = VERSION
 
     def road(self) -> ChangingRoad:
-        """The road as a function of time, for simulation."""
-        starts = tuple(segment.start for segment in self.segments[1:])
-        blend = float(np.mean(self.blends)) if self.blends else 0.025
-        return ChangingRoad(tuple(segment.tyre for segment in self.segments), starts, blend)
+        """The road as a function of time, for simulation; its smooth blends are as steep as the linear ones."""
+        linear = float(np.mean(self.blends)) if self.blends else 0.025
+        smooth = STEEPEST * linear
+        starts = tuple(segment.start - (smooth - linear) / 2 for segment in self.segments[1:])
+        return ChangingRoad(tuple(segment.tyre for segment in self.segments), starts, smooth)
 
     def to_json(self) -> dict[str, Any]:
         """A plain dictionary."""
@@ -169,7 +172,7 @@ def _fit(log, wheel, samples: FrictionSamples, stretch: Stretch, stretches: list
 
 
 def _refine_change(samples: FrictionSamples, before: Burckhardt, after: Burckhardt, near: int) -> tuple[float, float]:
-    """Beginning and length of the blend [s] that fits the points around a change best."""
+    """Beginning and length [s] of the linear blend that fits the points around a change best."""
     window = np.abs(samples.time - samples.time[near]) < 0.15
     time, friction = samples.time[window], samples.friction[window]
     slip = jnp.asarray(samples.slip[window])
@@ -177,8 +180,7 @@ def _refine_change(samples: FrictionSamples, before: Burckhardt, after: Burckhar
     best = (np.inf, 0.0, 0.0)
     for blend in BLENDS:
         for start in samples.time[near] - blend / 2 + np.arange(-0.05, 0.05, 5e-4):
-            z = np.clip((time - start) / blend, 0, 1)
-            share = z**4 * (35 - 84 * z + 70 * z**2 - 20 * z**3)
+            share = np.clip((time - start) / blend, 0, 1)
             cost = float(np.sum((friction - old - share * (new - old)) ** 2))
             best = min(best, (cost, float(start), blend))
     return best[1], best[2]

@@ -1,0 +1,157 @@
+"""The command line: `python -m tuning demo | identify | tune-abs`."""
+
+import contextlib
+import os
+import sys
+import time
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+from typing import Annotated
+
+import jax
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__, pretty_exceptions_enable=False)
+console = Console(width=None if sys.stdout.isatty() else 110)
+Out = Annotated[Path, typer.Option("--out", help="Folder for results and figures; made if missing.")]
+
+
+@app.callback()
+def _setup() -> None:
+    """Double precision, and every core a device."""
+    jax.config.update("jax_enable_x64", True)
+    with contextlib.suppress(RuntimeError):
+        jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
+
+
+@contextlib.contextmanager
+def _clear_errors() -> Iterator[None]:
+    """What the user can mend is said in a line, without a traceback."""
+    try:
+        yield
+    except (ValueError, OSError) as error:
+        console.print(f"[red]error:[/red] {error}", highlight=False, soft_wrap=True)
+        raise typer.Exit(2) from None
+
+
+@contextlib.contextmanager
+def _bar(label: str):
+    """A progress callback (done, total, cost): a bar on a terminal, a line now and then elsewhere."""
+    if console.is_terminal:
+        columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("worst {task.fields[cost]:.4f}")
+        with Progress(*columns, console=console) as progress:
+            task = progress.add_task(label, total=None, cost=float("nan"))
+            yield lambda done, total, cost: progress.update(task, completed=done, total=total, cost=cost)
+        return
+    begun = time.monotonic()
+    console.print(f"{label} ...")
+
+    def line(done: int, total: int, cost: float) -> None:
+        if done == 1 or done % max(1, total // 8) == 0:
+            console.print(f"  {done}/{total}  cost {cost:.4f}  {time.monotonic() - begun:.0f} s")
+
+    yield line
+
+
+@app.command()
+def identify(
+    log: Annotated[Path, typer.Argument(help="Brake log, CSV with a header.")],
+    out: Out,
+    columns: Annotated[str | None, typer.Option(help="SIGNAL=COLUMN[:UNIT], comma-separated, where they differ.")] = None,
+    car: Annotated[Path | None, typer.Option(help="JSON with inertia, radius, load, brake_efficiency.")] = None,
+    load: Annotated[float | None, typer.Option(help="Vertical load on the wheel [N]; overrides the car.")] = None,
+    start: Annotated[float | None, typer.Option("--from", help="Use the log from this time on [s].")] = None,
+    end: Annotated[float | None, typer.Option("--to", help="Use the log up to this time [s].")] = None,
+) -> None:
+    """The road's friction curve from a brake log: result.json and figures.
+
+    Without --car, a JSON file of the log's name beside it is taken for the car if there is one, and the
+    default wheel if not.
+    """
+    with _clear_errors():
+        _identify(log, out, columns, car, load, start, end)
+
+
+def _identify(log, out, columns, car, load, start, end):
+    import dataclasses
+
+    from absjax.vehicle import Wheel
+    from tuning.car import read_car
+    from tuning.figures import identification_figures
+    from tuning.files import write_json
+    from tuning.identify import identify as run
+    from tuning.logs import parse_columns, read_csv
+    from tuning.report import identification_table
+
+    beside = log.with_suffix(".json")
+    car = beside if car is None and beside.is_file() else car
+    wheel = Wheel() if car is None else read_car(car)
+    if load is not None:
+        wheel = dataclasses.replace(wheel, load=load)
+    console.print(f"car: {car or 'default wheel'}, load {float(wheel.load):g} N, radius {float(wheel.radius):g} m", highlight=False)
+    data = read_csv(log, parse_columns(columns), start=start, end=end, radius=float(wheel.radius))
+    result = run(data, wheel, progress=lambda text: console.print(f"  {text}", highlight=False))
+    console.print(identification_table(result))
+    for segment in result.segments:
+        for statement in segment.statements:
+            console.print(f"{segment.start:.3f} s: {statement}", highlight=False)
+    written = [write_json(out / "result.json", result.to_json()), *identification_figures(result, data, wheel, out)]
+    console.print("written: " + ", ".join(map(str, written)), highlight=False, soft_wrap=True)
+    return result
+
+
+@app.command("tune-abs")
+def tune_abs(
+    config: Annotated[Path, typer.Option(help="JSON, see `tuning.tune_abs.TuningConfig`; or a result to go on from.")],
+    out: Out,
+) -> None:
+    """Anti-lock thresholds for a batch of roads and speeds: result.json and figures."""
+    with _clear_errors():
+        from tuning.files import read_json
+        from tuning.tune_abs import TuningConfig
+
+        data = read_json(config)
+        if isinstance(data, dict) and "parameters" in data and "config" in data:
+            data = {**data["config"], "start": data["parameters"]}
+        _tune(TuningConfig.from_json(data), out, "tuned thresholds")
+
+
+def _tune(config, out: Path, title: str):
+    from tuning.files import write_json
+    from tuning.report import parameter_line, tuning_table
+    from tuning.tune_abs import tune_abs as run
+    from tuning.tuning_figures import tuning_figures
+
+    with _bar(f"{title}: {config.iterations} iterations, {config.starts} starts") as progress:
+        result = run(config, progress=progress)
+    console.print(tuning_table(result, title))
+    console.print(parameter_line(result), highlight=False)
+    if result.on_limit:
+        console.print("* on its limit", highlight=False)
+    written = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
+    console.print("written: " + ", ".join(map(str, written)), highlight=False, soft_wrap=True)
+    return result
+
+
+@app.command()
+def demo(out: Out = Path("demo")) -> None:
+    """Identify a road from the log shipped here, then tune the five-phase thresholds of the published table."""
+    begun = time.monotonic()
+    with _clear_errors():
+        from tuning.demo import LIMITED, PUBLISHED_SETTING, limit_costs
+
+        with resources.as_file(resources.files("tuning") / "data") as data:
+            console.rule("1  the road from a brake log")
+            _identify(data / "stop_dry_wet.csv", out / "identify", None, None, None, None, None)
+        console.rule("2  thresholds without actuator limits, the published setting")
+        _tune(PUBLISHED_SETTING, out / "published_setting", "no rate limit, no lag, no floor on thresholds")
+        console.rule("3  thresholds with rate limit, brake lag and a floor")
+        result = _tune(LIMITED, out / "limited", "750 bar/s, 5 ms, thresholds >= 10 m/s^2")
+        console.rule("4  what each limit costs")
+        with _bar("re-tuned without one limit at a time") as progress:
+            table = limit_costs(result, progress)
+        console.print(table)
+    console.print(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/", highlight=False)

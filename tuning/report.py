@@ -1,0 +1,51 @@
+"""Results as tables for the terminal."""
+
+from rich.table import Table
+
+from tuning.identify import PARAMETERS, Identification
+from tuning.tune_abs import TuningResult
+
+
+def identification_table(result: Identification) -> Table:
+    """One row per surface: coefficients, peak, 95 % half-widths."""
+    table = Table(title=f"{result.log}: the road's friction curve, +- 95 %")
+    for heading in ("from [s]", "to [s]", *PARAMETERS, "peak friction", "peak slip", "method"):
+        table.add_column(heading, justify="right")
+    for segment in result.segments:
+        cells = []
+        for name in (*PARAMETERS, "peak_friction", "peak_slip"):
+            value = getattr(segment, name)
+            cells.append(f"{value:.4g} ± {value - segment.ci95[name][0]:.2g}" + ("" if segment.identifiable[name] else " ?"))
+        table.add_row(f"{segment.start:.3f}", f"{segment.end:.3f}", *cells, segment.method)
+    return table
+
+
+def tuning_table(result: TuningResult, title: str) -> Table:
+    """One row per road and speed: published, untuned, tuned, sampled, ideal."""
+    table = Table(title=title)
+    period = f"{result.config.sampled_period * 1e3:g} ms"
+    for heading in ("km/h", "road", "published", "untuned", "tuned", f"sampled {period}", "ideal", "<= published"):
+        table.add_column(heading, justify="left" if heading == "road" else "right")
+    for row in result.rows:
+        verdict = {True: "yes", False: "[red]no[/red]", None: "-"}[row.reached]
+        table.add_row(
+            f"{row.speed_kmh:g}",
+            row.road.replace("_", " "),
+            "-" if row.published is None else f"{row.published:.2f}",
+            f"{row.untuned:.2f}",
+            _distance(row.tuned, row.outcome),
+            _distance(row.sampled, row.sampled_outcome),
+            f"{row.ideal:.2f}",
+            verdict,
+        )
+    return table
+
+
+def _distance(distance: float, outcome: str) -> str:
+    return f"{distance:.2f}" + ("" if outcome == "STOPPED" else f" {outcome.lower()}")
+
+
+def parameter_line(result: TuningResult) -> str:
+    """The tuned parameters on a line; those on a limit are marked."""
+    marks = {name: "*" if name in result.on_limit else "" for name in result.parameters}
+    return ", ".join(f"{name} {value:.4g}{marks[name]}" for name, value in result.parameters.items())
