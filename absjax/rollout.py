@@ -304,16 +304,17 @@ def rollout(
         raise ValueError(f"step = {step} must be a positive number of seconds")
     if save_every > steps:
         raise ValueError(f"save_every = {save_every} exceeds steps = {steps}")
-    return _rollout(system, state, mode, step, start, int(steps), int(max_events), int(save_every), save_switches, checkpoint, tile)
-
-
-@partial(jax.jit, static_argnums=(5, 6, 7, 8, 9, 10))
-def _rollout(system, state, mode, step, start, steps, max_events, save_every, save_switches, checkpoint, tile):
+    # Types are settled here, weak ones too, so that equal shapes never compile twice.
     dtype = jnp.result_type(*(jnp.asarray(leaf).dtype for leaf in jax.tree.leaves(state)), jnp.float32)
     cast = _as_float(dtype)
     system, state = jax.tree.map(cast, system), jax.tree.map(cast, state)
+    grid = Grid(jnp.asarray(start, dtype), jnp.asarray(step, dtype), jnp.asarray(steps, jnp.int32))
     mode = jnp.asarray(mode, jnp.int32)
-    grid = Grid(jnp.asarray(start, dtype), jnp.asarray(step, dtype), jnp.int32(steps))
+    return _rollout(system, state, mode, grid, int(steps), int(max_events), int(save_every), save_switches, checkpoint, tile)
+
+
+@partial(jax.jit, static_argnums=(4, 5, 6, 7, 8, 9))
+def _rollout(system, state, mode, grid, steps, max_events, save_every, save_switches, checkpoint, tile):
     axes = lane_axes(system)
     lanes = _lane_count(axes, system, "system", None)
     lanes = _lane_count(lane_axes(state), state, "state", lanes)
@@ -335,7 +336,7 @@ def _rollout(system, state, mode, step, start, steps, max_events, save_every, sa
     segments = -(-iterations // length)
     words = len(jax.tree.leaves(state)) + 4
     if checkpoint is None:
-        checkpoint = lanes * iterations * words * dtype.itemsize > REPLAY_BYTES
+        checkpoint = lanes * iterations * words * grid.step.dtype.itemsize > REPLAY_BYTES
     plan = _Plan(segments, length, bool(save_every or save_switches), bool(checkpoint))
 
     def run_tile(system, state, mode):
