@@ -33,7 +33,7 @@ class Tyre(Protocol):
 
 
 def _sign(slip):
-    return jnp.where(slip < 0, -1.0, 1.0).astype(jnp.result_type(slip, jnp.float32))
+    return jnp.where(slip < 0, -1.0, 1.0)
 
 
 @model

@@ -111,7 +111,7 @@ def tune_abs(
     """Anti-lock thresholds for a batch of roads and speeds: result.json and figures."""
     with _clear_errors():
         from tuning.files import read_json
-        from tuning.tune_abs import TuningConfig
+        from tuning.config import TuningConfig
 
         data = read_json(config)
         if isinstance(data, dict) and "parameters" in data and "config" in data:
@@ -141,17 +141,17 @@ def demo(out: Out = Path("demo")) -> None:
     """Identify a road from the log shipped here, then tune the five-phase thresholds of the published table."""
     begun = time.monotonic()
     with _clear_errors():
-        from tuning.demo import LIMITED, PUBLISHED_SETTING, limit_costs
+        from tuning.demo import PUBLISHED_SETTING, limit_costs, limited
 
         with resources.as_file(resources.files("tuning") / "data") as data:
             console.rule("1  the road from a brake log")
             _identify(data / "stop_dry_wet.csv", out / "identify", None, None, None, None, None)
         console.rule("2  thresholds without actuator limits, the published setting")
-        _tune(PUBLISHED_SETTING, out / "published_setting", "no rate limit, no lag, no floor on thresholds")
+        free = _tune(PUBLISHED_SETTING, out / "published_setting", "no rate limit, no lag, no floor on thresholds")
         console.rule("3  thresholds with rate limit, brake lag and a floor")
-        result = _tune(LIMITED, out / "limited", "750 bar/s, 5 ms, thresholds >= 10 m/s^2")
+        result = _tune(limited(), out / "limited", "750 bar/s, 5 ms, thresholds >= 10 m/s^2")
         console.rule("4  what each limit costs")
-        with _bar("re-tuned without one limit at a time") as progress:
-            table = limit_costs(result, progress)
+        with _bar("re-tuned with all limits, then without one at a time") as progress:
+            table = limit_costs(result, free, progress)
         console.print(table)
     console.print(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/", highlight=False)

@@ -8,7 +8,8 @@ import numpy as np
 from absjax.manoeuvre import stop
 from absjax.plots import phase_plane
 from tuning.figures import save
-from tuning.tune_abs import TuningConfig, TuningResult, tyre_of
+from tuning.config import TuningConfig, tyre_of
+from tuning.tune_abs import TuningResult
 
 
 def tuning_figures(result: TuningResult, folder: Path) -> list[Path]:

@@ -1,0 +1,256 @@
+"""Roads, plants, the brake and the closed loop."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from absjax.actuator import Brake
+from absjax.closed_loop import SampledLoop
+from absjax.control.five_phase import FivePhase
+from absjax.hybrid import Smooth
+from absjax.manoeuvre import Outcome, stop
+from absjax.parameters import model, parameter, part
+from absjax.road import SURFACES, ChangingRoad, UniformRoad, as_road, surface
+from absjax.rollout import rollout
+from absjax.tyre import Burckhardt
+from absjax.vehicle import CarState, QuarterCar, RigState, TestRig, Wheel
+from tests.systems import PARAMETERS, five_phase_loop
+
+DRY, WET, SNOW = (SURFACES[name] for name in ("dry_asphalt", "wet_asphalt", "snow"))
+
+
+@pytest.mark.parametrize("along", ["time", "distance"])
+def test_changing_road_is_each_surface_outside_its_blends(along):
+    road = ChangingRoad((DRY, WET, SNOW), (1.0, 2.0), 0.1, along)
+    at = {"time": lambda x: (x, 0.0), "distance": lambda x: (0.0, x)}[along]
+    for x, tyre in ((0.5, DRY), (1.0, DRY), (1.1, WET), (1.99, WET), (2.2, SNOW)):
+        assert float(road.friction(-0.1, *at(x))) == pytest.approx(float(tyre.friction(-0.1)), rel=1e-14)
+        assert float(road.stiffness(-0.1, *at(x))) == pytest.approx(float(tyre.stiffness(-0.1)), rel=1e-14)
+    half = 0.5 * (DRY.friction(-0.1) + WET.friction(-0.1))
+    assert float(road.friction(-0.1, *at(1.05))) == pytest.approx(float(half), rel=1e-12)
+
+
+def test_mean_peak_friction_against_quadrature():
+    road = ChangingRoad((DRY, WET, SNOW), (1.0, 2.0), 0.3)
+    for start, end in ((0.0, 3.0), (1.1, 2.1), (1.05, 1.25), (2.5, 2.6)):
+        area, _ = quad(lambda t: float(road.peak_friction(t, 0.0)), start, end, points=[1.0, 1.3, 2.0, 2.3], limit=200)
+        assert float(road.mean_peak_friction((start, 0.0), (end, 9.0))) == pytest.approx(area / (end - start), rel=1e-7)
+
+
+def test_roads_are_refused_by_name():
+    with pytest.raises(ValueError, match="1 entries for 3 surfaces"):
+        ChangingRoad((DRY, WET, SNOW), (1.0,))
+    with pytest.raises(ValueError, match="'metre' must be"):
+        ChangingRoad((DRY, WET), (1.0,), along="metre")
+    with pytest.raises(ValueError, match="surface 'mud' is unknown"):
+        surface("mud")
+    assert as_road("snow").tyre is SNOW and as_road(DRY).tyre is DRY
+
+
+def test_rollout_keeps_fourth_order_through_a_surface_change():
+    def end(step):
+        car = QuarterCar(Wheel(), ChangingRoad((DRY, WET), (0.15,), 0.025))
+        driven = ConstantPressure(car, 55.0)
+        return rollout(driven, CarState(20.0, 20.0 / 0.3, 0.0), step=step, steps=round(0.3 / step)).state.speed
+
+    errors = [abs(float(end(step) - end(1e-4))) for step in (4e-3, 2e-3, 1e-3)]
+    assert errors[1] < errors[0] / 12 and errors[2] < errors[1] / 12
+
+
+@model
+class ConstantPressure(Smooth):
+    """A plant under a constant brake pressure."""
+
+    plant: QuarterCar | TestRig = part("plant")
+    pressure: jax.Array | float = parameter("bar")
+
+    def flow(self, time, state, mode):
+        return self.plant.flow(time, state, self.pressure)
+
+
+def test_rig_and_car_share_the_wheel():
+    road = UniformRoad(DRY)
+    rig, car = TestRig(Wheel(), road, 18.0), QuarterCar(Wheel(), road)
+    state = CarState(jnp.asarray(18.0), jnp.asarray(55.0), jnp.asarray(0.0))
+    on_rig, in_car = rig.flow(0.0, RigState(state.wheel_speed), 40.0), car.flow(0.0, state, 40.0)
+    assert float(on_rig.wheel_speed) == pytest.approx(float(in_car.wheel_speed), rel=1e-14)
+    signals, rig_signals = car.signals(0.0, state, 40.0), rig.signals(0.0, RigState(state.wheel_speed), 40.0)
+    gap = rig_signals.acceleration_offset - signals.acceleration_offset
+    assert float(gap) == pytest.approx(float(in_car.speed), rel=1e-12)
+    assert float(Wheel().mass) == pytest.approx(254.841997961264, rel=1e-12)
+
+
+def test_rig_settles_where_brake_and_road_balance():
+    rig = ConstantPressure(TestRig(Wheel(load=2850.0), UniformRoad(Burckhardt(1.1794, 27.0, 0.8552)), 18.0), 40.0)
+    end = rollout(rig, RigState(60.0), step=2e-3, steps=1000).state
+    assert 0.3 * float(rig.plant.force(0.0, end)) == pytest.approx(-17.5 * 40.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "brake, response",
+    [
+        (Brake(), lambda t: t),
+        (Brake(lag=0.05), lambda t: t - 0.05 * (1 - np.exp(-t / 0.05))),
+        (Brake(rate_limit=0.4), lambda t: 0.4 * t),
+        (Brake(delay=0.02, lag=0.1), None),
+        (Brake(delay=0.02), None),
+    ],
+    ids=["ideal", "lag", "rate limit", "delay and lag", "delay"],
+)
+def test_brake_response_to_a_ramp(brake, response):
+    system = Ramp(brake)
+    result = rollout(system, brake.at(0.0), step=1e-3, steps=400, save_every=10)
+    path = np.asarray(jax.vmap(brake.pressure)(result.trajectory.state))
+    time = np.asarray(result.trajectory.time)
+    if response is None:
+        lag = 0.1 if brake.lag else 0.0
+        late = np.maximum(time - 0.02, 0)
+        expected = late - lag * (1 - np.exp(-late / 0.1)) if lag else late
+        np.testing.assert_allclose(path[8:], expected[8:], atol=2e-4)
+    else:
+        np.testing.assert_allclose(path, response(time), atol=1e-8)
+
+
+@model
+class Ramp(Smooth):
+    """A brake asked for 1 bar/s."""
+
+    brake: Brake = part("brake")
+
+    def flow(self, time, state, mode):
+        return self.brake.flow(state, self.brake.limit(jnp.ones_like(state.commanded)))
+
+
+def sampled_by_hand(loop, speed, step, steps, every, delay):
+    """Plain loop in numpy floats: guards tested every so many steps, the rate held and late."""
+    p, wheel, tyre = loop.controller, loop.plant.wheel, loop.plant.road.tyre
+    c1, c2, c3 = (float(c) for c in (tyre.c1, tyre.c2, tyre.c3))
+    v, w, s, pressure, mode, switchings = speed, speed / 0.3, 0.0, 0.0, 0, 0
+
+    def accelerations(v, w, pressure):
+        slip = 0.3 * w / v - 1
+        mu = np.sign(slip) * c1 * (1 - np.exp(-c2 * abs(slip))) - c3 * slip
+        force = float(wheel.load) * mu
+        return 9.81 * mu, (-0.3 * force - 17.5 * pressure) / 1.2
+
+    def rate(mode, w):
+        return [3 * p.u4, -p.u1, 0.0, p.u3, p.u4, 0.0][mode] / (0.3 * w)
+
+    rates = [rate(0, w)] * (delay + 1)
+    for k in range(1, steps + 1):
+        x = np.array([v, w, s, pressure])
+
+        def flow(x, u=rates[-1]):
+            dv, dw = accelerations(x[0], x[1], x[3])
+            return np.array([dv, dw, x[0], u])
+
+        k1 = flow(x)
+        k2 = flow(x + step / 2 * k1)
+        k3 = flow(x + step / 2 * k2)
+        x = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + flow(x + step * k3))
+        v, w, s, pressure = x
+        if k % every:
+            continue
+        dv, dw = accelerations(v, w, pressure)
+        x2 = 0.3 * dw - dv
+        fires = [x2 <= -p.eps0, x2 >= p.eps1, x2 >= p.eps2, x2 <= p.eps3, x2 <= -p.eps4, x2 <= -p.eps5][mode]
+        if fires:
+            mode, switchings = 1 if mode == 5 else mode + 1, switchings + 1
+        elif mode == 2 and x2 <= 0.9 * p.eps1:
+            mode, switchings = 4, switchings + 1
+        rates = [rate(mode, w), *rates[:-1]]
+    return v, w, s, pressure, mode, switchings
+
+
+@pytest.mark.parametrize("every, delay", [(1, 0), (4, 0), (2, 3)])
+def test_sampled_semantics_against_a_plain_loop(every, delay):
+    loop = five_phase_loop(PARAMETERS)
+    sampled = SampledLoop(loop, tick_every=every, delay=delay)
+    result = rollout(sampled, sampled.at(jnp.asarray(20.0)), step=1e-3, steps=700)
+    v, w, s, pressure, mode, switchings = sampled_by_hand(loop, 20.0, 1e-3, 700, every, delay)
+    plant = result.state.loop.plant
+    np.testing.assert_allclose([plant.speed, plant.wheel_speed, plant.distance], [v, w, s], rtol=1e-9)
+    assert float(result.state.loop.brake.commanded) == pytest.approx(pressure, rel=1e-9)
+    assert int(result.mode) == mode and switchings > 5
+
+
+def test_sampled_loop_converges_to_the_located_one():
+    loop = five_phase_loop(PARAMETERS, stop_speed=8.0)
+    located = stop(loop, 20.0, horizon=2.0, step=1e-3)
+    sampled = [stop(SampledLoop(loop), 20.0, horizon=2.0, step=step) for step in (1e-3, 1e-4)]
+    errors = [abs(float(s.distance - located.distance)) for s in sampled]
+    assert errors[1] < 0.2 * errors[0] and errors[1] < 0.01
+
+
+def test_pressure_stays_between_zero_and_the_drivers():
+    loop = five_phase_loop(jnp.array([50.0, 60.0, 70, 20, 20, 30, 20000, 4000, 2000]), tyre=SNOW, driver_pressure=20.0)
+    result = rollout(loop, loop.at(jnp.asarray(20.0)), step=2e-3, steps=600, save_every=1, save_switches=True)
+    commanded = np.asarray(result.trajectory.state.brake.commanded)
+    assert commanded.min() > -1e-6 and commanded.max() < 20 + 1e-6
+    rests = np.asarray(result.switches.target)[: int(result.events)] >= 6
+    assert rests.any() and np.isclose(commanded, 0.0, atol=1e-6).any()
+    gradient = jax.grad(lambda s: rollout(loop, loop.at(s), step=2e-3, steps=600).state.plant.speed)(jnp.asarray(20.0))
+    assert np.isfinite(float(gradient))
+
+
+def test_stop_reports_distance_friction_efficiency_and_cycles():
+    result = stop(five_phase_loop(PARAMETERS, stop_speed=2.5 / 3.6), 60 / 3.6, horizon=5.0, save_switches=True)
+    assert Outcome(int(result.outcome)) is Outcome.STOPPED
+    log = result.rollout.switches
+    onset, end = float(log.time[0]), float(result.duration)
+    count = int(result.rollout.events)
+    assert int(result.cycles) == int(np.sum(np.asarray(log.target)[:count] == 1))
+    assert float(result.rollout.state.memory.onset_time) == onset
+    speed = float(result.rollout.state.memory.onset_speed)
+    assert float(result.mean_friction) == pytest.approx((speed - 2.5 / 3.6) / (9.81 * (end - onset)), rel=1e-9)
+    peak = float(DRY.peak().friction)
+    assert float(result.efficiency) == pytest.approx(float(result.mean_friction) / peak, rel=1e-12)
+    assert 0.97 < float(result.efficiency) < 1
+
+
+def test_a_locked_wheel_slides_the_rest_of_the_way():
+    ramp_only = FivePhase(eps0=1e6)
+    loop = dataclasses.replace(five_phase_loop(stop_speed=1.0), controller=ramp_only)
+    result = stop(loop, 20.0, horizon=8.0)
+    assert Outcome(int(result.outcome)) is Outcome.LOCKED
+    lock = result.rollout
+    sliding = -9.81 * float(DRY.friction(-1.0))
+    rest = (float(lock.state.plant.speed) ** 2 - 1.0) / (2 * sliding)
+    assert float(result.distance) == pytest.approx(float(lock.state.plant.distance) + rest, rel=1e-12)
+    gradient = jax.grad(lambda u: stop(dataclasses.replace(loop, controller=FivePhase(eps0=1e6, u4=u)), 20.0, horizon=8.0).distance)
+    assert np.isfinite(float(gradient(2000.0)))
+
+
+PUBLISHED = {
+    "dry_asphalt": (12.31, 49.27, 110.87),
+    "wet_asphalt": (18.09, 72.38, 162.88),
+    "dry_concrete": (13.24, 52.97, 119.27),
+}
+
+
+def test_published_five_phase_distances_within_half_a_percent():
+    roads, speeds = list(PUBLISHED), np.array([60.0, 120.0, 180.0]) / 3.6
+    tyre = Burckhardt(*(np.repeat([float(getattr(SURFACES[r], c)) for r in roads], 3) for c in ("c1", "c2", "c3")))
+    result = stop(five_phase_loop(PARAMETERS, tyre=tyre, stop_speed=2.5 / 3.6), np.tile(speeds, 3), horizon=8.0)
+    np.testing.assert_allclose(result.equivalent_distance.reshape(3, 3), [PUBLISHED[r] for r in roads], rtol=5e-3)
+
+
+def test_stop_is_refused_by_name():
+    with pytest.raises(ValueError, match="stop_speed is None"):
+        stop(five_phase_loop(), 20.0, horizon=1.0)
+    with pytest.raises(ValueError, match="above the stop speed"):
+        stop(five_phase_loop(stop_speed=5.0), 4.0, horizon=1.0)
+    with pytest.raises(ValueError, match="horizon = 0"):
+        stop(five_phase_loop(stop_speed=5.0), 20.0, horizon=0.0)
+    with pytest.raises(ValueError, match=r"Wheel\.radius = -0\.3 is outside"):
+        Wheel(radius=-0.3)
+    with pytest.raises(ValueError, match=r"Brake\.lag = 0 is outside"):
+        Brake(lag=0.0)
+    with pytest.raises(ValueError, match=r"FivePhase\.fallback = 1\.5"):
+        FivePhase(fallback=1.5)
+    with pytest.raises(ValueError, match="tick_every = 0"):
+        SampledLoop(five_phase_loop(), tick_every=0)

@@ -1,0 +1,178 @@
+"""Roads and speeds of a configuration as lanes: stops, their cost, and the table of distances."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from absjax.closed_loop import ClosedLoop, SampledLoop
+from absjax.manoeuvre import Outcome, Stop, stop
+from absjax.parameters import model, parameter, part
+from absjax.tyre import Burckhardt
+from absjax.vehicle import GRAVITY
+from tuning import published
+from tuning.config import ConfigError, TuningConfig, tyre_of
+
+CHUNK = 64
+"""Parameter sets that are rolled out together when only distances are wanted: one shape, compiled once."""
+SHARPNESS = 600.0
+"""Of the smooth maximum over the rows: larger is nearer to the maximum."""
+WORST_EFFICIENCY = 0.02
+"""Efficiency below which a row counts no worse, so that a stop that fails outright has a finite cost."""
+SAFETY_HORIZON = 1.35
+"""Longest time allowed, as a multiple of the ideal stop's, plus one second."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """One road and speed: distances v0^2 / (2 g mean friction) [m] and how the stops ended."""
+
+    road: str
+    speed_kmh: float
+    ideal: float
+    published: float | None
+    untuned: float
+    tuned: float
+    sampled: float
+    outcome: str
+    sampled_outcome: str
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether tuned distances, located and sampled, are at or below the published one."""
+        return None if self.published is None else max(self.tuned, self.sampled) <= self.published
+
+
+@model
+class Problem:
+    """Rows of a tuning problem: arrays (rows,), the longest stops last, and what is the same for all."""
+
+    loop: ClosedLoop = part("the loop with the start's controller; its road carries the rows")
+    speed: Any = parameter("initial speeds, m/s, shape (rows,)", ndim=1)
+    ideal: Any = parameter("ideal distances, m, shape (rows,)", ndim=1)
+    reference: Any = parameter("distances the cost is relative to, m, shape (rows,)", ndim=1)
+    horizon: float = 10.0
+    step: float = 2e-3
+    objective: str = "worst"
+
+    def stops(self, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
+        """Stops of every set on every row, lanes (rows * sets,); parameters are arrays (sets,).
+
+        `ticks`: steps between two tests of the guards, or 0 to locate switchings.
+        """
+        rows, sets = self.speed.shape[0], len(next(iter(parameters.values())))
+        car = jax.tree.map(lambda leaf: jnp.repeat(leaf, sets) if jnp.ndim(leaf) else leaf, self.loop.plant)
+        own = {name: jnp.tile(values, rows) for name, values in parameters.items()}
+        loop = dataclasses.replace(self.loop, plant=car, controller=dataclasses.replace(self.loop.controller, **own))
+        loop = SampledLoop(loop, tick_every=ticks) if ticks else loop
+        tile = min(64, max(8, rows * sets // 4))
+        speed = jnp.repeat(self.speed, sets)
+        return stop(loop, speed, horizon=self.horizon, step=step or self.step, max_events=800, tile=tile)
+
+    def ratios(self, stops: Stop):
+        """Distance over reference, (rows, sets)."""
+        efficiency = jnp.maximum(stops.efficiency, WORST_EFFICIENCY).reshape(self.speed.shape[0], -1)
+        return (self.ideal / self.reference)[:, None] / efficiency
+
+    def smooth_costs(self, stops: Stop):
+        """Cost of each set, (sets,): mean ratio, or a smooth maximum of the ratios."""
+        ratios = self.ratios(stops)
+        if self.objective == "mean":
+            return ratios.mean(axis=0)
+        exponential = jax.nn.logsumexp(SHARPNESS * ratios, axis=0) - math.log(ratios.shape[0])
+        return exponential / SHARPNESS
+
+
+class Judgement(NamedTuple):
+    """What parameter sets are worth: cost (sets,), the rest (rows, sets)."""
+
+    costs: np.ndarray
+    distances: np.ndarray
+    outcomes: np.ndarray
+
+
+@partial(jax.jit, static_argnames=("step", "ticks"))
+def _judged(problem: Problem, parameters, step, ticks):
+    stops, rows = problem.stops(parameters, step, ticks), problem.speed.shape[0]
+    return problem.ratios(stops), stops.equivalent_distance.reshape(rows, -1), stops.outcome.reshape(rows, -1)
+
+
+def judge(problem: Problem, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Judgement:
+    """Judge parameter sets, in chunks: located, or with guards tested every `ticks` steps."""
+    sets = len(next(iter(parameters.values())))
+    same, pieces = dataclasses.replace(problem, objective="worst"), []
+    for first in range(0, sets, CHUNK):
+        chunk = {k: np.resize(np.asarray(v)[first : first + CHUNK], CHUNK) for k, v in parameters.items()}
+        pieces.append([np.asarray(piece) for piece in _judged(same, chunk, step or problem.step, ticks)])
+    ratios, distances, outcomes = (np.concatenate(piece, axis=-1)[..., :sets] for piece in zip(*pieces))
+    return Judgement(ratios.mean(axis=0) if problem.objective == "mean" else ratios.max(axis=0), distances, outcomes)
+
+
+def labels(config: TuningConfig) -> list[tuple[str, float, Any]]:
+    """Name, speed [km/h] and tyre curve of every row, the longest stops last."""
+    rows = [
+        (road if isinstance(road, str) else f"c = {tuple(road)}", speed, tyre_of(road))
+        for speed in config.speeds_kmh
+        for road in config.roads
+    ]
+    return sorted(rows, key=lambda row: row[1] / float(row[2].peak().friction))
+
+
+def build(config: TuningConfig) -> Problem:
+    """The problem a configuration describes.
+
+    Raises:
+        ConfigError: if distances are to be relative to published ones that do not exist.
+    """
+    rows = labels(config)
+    speed = np.array([speed for _, speed, _ in rows]) / 3.6
+    peak = np.array([float(tyre.peak().friction) for _, _, tyre in rows])
+    ideal = speed**2 / (2 * GRAVITY * peak)
+    reference = ideal
+    if config.reference == "published":
+        reference = np.array([_published(name, kmh) or np.nan for name, kmh, _ in rows])
+        for missing in np.flatnonzero(np.isnan(reference)):
+            name, kmh, _ = rows[missing]
+            raise ConfigError(f"reference = 'published', but no distance is published for {name} from {kmh:g} km/h")
+    tyre = Burckhardt(*(np.array([float(getattr(t, c)) for _, _, t in rows]) for c in ("c1", "c2", "c3")))
+    return Problem(
+        loop=config.loop(config.base_controller(), tyre),
+        speed=speed,
+        ideal=ideal,
+        reference=reference,
+        horizon=SAFETY_HORIZON * float(np.max(speed / (GRAVITY * peak))) + 1.0,
+        step=config.step,
+        objective=config.objective,
+    )
+
+
+def _published(road: str, speed_kmh: float) -> float | None:
+    row = published.DISTANCES.get(road, {}).get(speed_kmh)
+    return None if row is None else row.five_phase
+
+
+def score(config: TuningConfig, parameters: Mapping[str, float]) -> list[Row]:
+    """Distances of the configured start and of tuned parameters: located, and sampled."""
+    problem, base = build(config), config.base_controller()
+    both = {name: np.array([float(getattr(base, name)), value]) for name, value in parameters.items()}
+    located, sampled = judge(problem, both), judge(problem, both, *config.sampled_grid())
+    rows = [
+        Row(
+            road=road,
+            speed_kmh=speed,
+            ideal=float(problem.ideal[i]),
+            published=_published(road, speed),
+            untuned=float(located.distances[i, 0]),
+            tuned=float(located.distances[i, 1]),
+            sampled=float(sampled.distances[i, 1]),
+            outcome=Outcome(int(located.outcomes[i, 1])).name,
+            sampled_outcome=Outcome(int(sampled.outcomes[i, 1])).name,
+        )
+        for i, (road, speed, _) in enumerate(labels(config))
+    ]
+    return sorted(rows, key=lambda row: (row.speed_kmh, row.ideal))
