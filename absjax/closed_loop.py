@@ -54,6 +54,10 @@ class Memory(NamedTuple):
     """distance travelled until then, m"""
     cycles: jax.Array
     """times the controller has entered its cycle phase"""
+    cycle_time: jax.Array
+    """when it last did, s"""
+    longest_cycle: jax.Array
+    """longest time between two such entries, s"""
 
 
 class LoopState(NamedTuple):
@@ -86,7 +90,7 @@ class ClosedLoop:
     def at(self, speed) -> LoopState:
         """State of free rolling at `speed` [m/s] with the brake released."""
         zero = 0.0 * speed
-        return LoopState(self.plant.at(speed), self.brake.at(zero), Memory(zero, speed, zero, zero))
+        return LoopState(self.plant.at(speed), self.brake.at(zero), Memory(zero, speed, zero, zero, zero, zero))
 
     def phase(self, mode):
         """The controller's phase in `mode`."""
@@ -109,7 +113,7 @@ class ClosedLoop:
         if self.brake.driver_pressure is not None:
             rate = jnp.where(self._pressed(mode), rate, 0.0)
         plant = self.plant.flow(time, state.plant, self.brake.pressure(state.brake))
-        return LoopState(plant, self.brake.flow(state.brake, rate), Memory(None, None, None, None))
+        return LoopState(plant, self.brake.flow(state.brake, rate), Memory(*(None,) * len(Memory._fields)))
 
     def limits(self, time, state: LoopState, mode, rate) -> tuple[jax.Array, ...]:
         """Guards that are physical, not the controller's: the end (stop or lock), and the limits of the
@@ -141,11 +145,14 @@ class ClosedLoop:
         following = self.controller.next_mode(phase, slot)
         memory = state.memory
         first = memory.onset_time == 0
+        cycles = following == self.controller.cycle_phase
         memory = Memory(
             jnp.where(first, time, memory.onset_time),
             jnp.where(first, self.plant.speed_of(time, state.plant), memory.onset_speed),
             jnp.where(first, self.plant.position(time, state.plant), memory.onset_position),
-            memory.cycles + (following == self.controller.cycle_phase),
+            memory.cycles + cycles,
+            jnp.where(cycles, time, memory.cycle_time),
+            jnp.where(cycles & ~first, jnp.maximum(memory.longest_cycle, time - memory.cycle_time), memory.longest_cycle),
         )
         return state._replace(memory=memory), following
 

@@ -40,6 +40,8 @@ class Stop(NamedTuple):
             (Aguado-Rojas 2019, Table 4.1).
         ideal_distance: the same with the largest friction the road offers [m].
         cycles: cycles of the controller.
+        longest_cycle: longest time between the starts of two cycles, or from the last one to the end [s]:
+            a controller that sticks in a phase shows here. Differentiable.
         outcome: an `Outcome` code.
         rollout: the rollout behind it.
     """
@@ -51,6 +53,7 @@ class Stop(NamedTuple):
     equivalent_distance: jax.Array
     ideal_distance: jax.Array
     cycles: jax.Array
+    longest_cycle: jax.Array
     outcome: jax.Array
     rollout: Rollout
 
@@ -135,6 +138,7 @@ def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
         equivalent_distance=equivalent,
         ideal_distance=speed**2 / (2 * GRAVITY * peak),
         cycles=memory.cycles,
+        longest_cycle=jnp.maximum(memory.longest_cycle, result.time - memory.cycle_time),
         outcome=outcome,
         rollout=result,
     )

@@ -22,6 +22,8 @@ CHUNK = 64
 """Parameter sets that are rolled out together when only distances are wanted: one shape, compiled once."""
 SHARPNESS = 600.0
 """Of the smooth maximum over the rows: larger is nearer to the maximum."""
+LONG_CYCLE_CHARGE = 0.05
+"""Added to a row's ratio for every second by which its longest cycle exceeds the longest allowed."""
 WORST_EFFICIENCY = 0.02
 """Efficiency below which a row counts no worse, so that a stop that fails outright has a finite cost."""
 SAFETY_HORIZON = 1.35
@@ -39,6 +41,9 @@ class Row:
     untuned: float
     tuned: float
     sampled: float
+    cycles: int
+    longest_cycle: float
+    """s"""
     outcome: str
     sampled_outcome: str
 
@@ -56,6 +61,7 @@ class Problem:
     speed: Any = parameter("initial speeds, m/s, shape (rows,)", ndim=1)
     ideal: Any = parameter("ideal distances, m, shape (rows,)", ndim=1)
     reference: Any = parameter("distances the cost is relative to, m, shape (rows,)", ndim=1)
+    longest_cycle: Any = parameter("longest cycle allowed, s", default=1.0)
     horizon: float = 10.0
     step: float = 2e-3
     objective: str = "worst"
@@ -75,9 +81,11 @@ class Problem:
         return stop(loop, speed, horizon=self.horizon, step=step or self.step, max_events=800, tile=tile)
 
     def ratios(self, stops: Stop):
-        """Distance over reference, (rows, sets)."""
-        efficiency = jnp.maximum(stops.efficiency, WORST_EFFICIENCY).reshape(self.speed.shape[0], -1)
-        return (self.ideal / self.reference)[:, None] / efficiency
+        """Distance over reference, (rows, sets), and what cycles longer than allowed are charged."""
+        rows = self.speed.shape[0]
+        efficiency = jnp.maximum(stops.efficiency, WORST_EFFICIENCY).reshape(rows, -1)
+        excess = jnp.maximum(stops.longest_cycle.reshape(rows, -1) - self.longest_cycle, 0.0)
+        return (self.ideal / self.reference)[:, None] / efficiency + LONG_CYCLE_CHARGE * excess
 
     def smooth_costs(self, stops: Stop):
         """Cost of each set, (sets,): mean ratio, or a smooth maximum of the ratios."""
@@ -94,12 +102,15 @@ class Judgement(NamedTuple):
     costs: np.ndarray
     distances: np.ndarray
     outcomes: np.ndarray
+    cycles: np.ndarray
+    longest_cycles: np.ndarray
 
 
 @partial(jax.jit, static_argnames=("step", "ticks"))
 def _judged(problem: Problem, parameters, step, ticks):
     stops, rows = problem.stops(parameters, step, ticks), problem.speed.shape[0]
-    return problem.ratios(stops), stops.equivalent_distance.reshape(rows, -1), stops.outcome.reshape(rows, -1)
+    values = stops.equivalent_distance, stops.outcome, stops.cycles, stops.longest_cycle
+    return problem.ratios(stops), *(value.reshape(rows, -1) for value in values)
 
 
 def judge(problem: Problem, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Judgement:
@@ -109,8 +120,8 @@ def judge(problem: Problem, parameters: Mapping[str, Any], step: float | None = 
     for first in range(0, sets, CHUNK):
         chunk = {k: np.resize(np.asarray(v)[first : first + CHUNK], CHUNK) for k, v in parameters.items()}
         pieces.append([np.asarray(piece) for piece in _judged(same, chunk, step or problem.step, ticks)])
-    ratios, distances, outcomes = (np.concatenate(piece, axis=-1)[..., :sets] for piece in zip(*pieces))
-    return Judgement(ratios.mean(axis=0) if problem.objective == "mean" else ratios.max(axis=0), distances, outcomes)
+    ratios, *rest = (np.concatenate(piece, axis=-1)[..., :sets] for piece in zip(*pieces))
+    return Judgement(ratios.mean(axis=0) if problem.objective == "mean" else ratios.max(axis=0), *rest)
 
 
 def labels(config: TuningConfig) -> list[tuple[str, float, Any]]:
@@ -145,6 +156,7 @@ def build(config: TuningConfig) -> Problem:
         speed=speed,
         ideal=ideal,
         reference=reference,
+        longest_cycle=config.longest_cycle,
         horizon=SAFETY_HORIZON * float(np.max(speed / (GRAVITY * peak))) + 1.0,
         step=config.step,
         objective=config.objective,
@@ -170,6 +182,8 @@ def score(config: TuningConfig, parameters: Mapping[str, float]) -> list[Row]:
             untuned=float(located.distances[i, 0]),
             tuned=float(located.distances[i, 1]),
             sampled=float(sampled.distances[i, 1]),
+            cycles=int(located.cycles[i, 1]),
+            longest_cycle=float(located.longest_cycles[i, 1]),
             outcome=Outcome(int(located.outcomes[i, 1])).name,
             sampled_outcome=Outcome(int(sampled.outcomes[i, 1])).name,
         )

@@ -37,6 +37,8 @@ class TuningConfig:
         threshold_floor: smallest threshold [m/s^2], from the noise of the measured acceleration.
         limits: (low, high) by parameter; `RATE_LIMITS` and the floor hold where not given.
         stop_speed_kmh: speed that ends a stop [km/h]; below the published 2.5 km/h lock does not matter.
+        longest_cycle: longest time between two cycles a controller may take [s]; one that rests at a
+            pressure near the peak is no anti-lock controller, however short it stops.
         objective: 'worst' or 'mean' over the rows of distance over reference.
         reference: 'ideal' distances, or the 'published' ones of the five-phase algorithm.
         known: further parameter sets to start from, as from an earlier result.
@@ -61,6 +63,7 @@ class TuningConfig:
     threshold_floor: float = 10.0
     limits: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     stop_speed_kmh: float = 2.5
+    longest_cycle: float = 1.0
     objective: str = "worst"
     reference: str = "ideal"
     known: tuple[dict[str, float], ...] = ()
@@ -82,7 +85,7 @@ class TuningConfig:
         for name in ("starts", "iterations"):
             _require(name, getattr(self, name), getattr(self, name) >= 1, "an integer >= 1")
         _require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
-        for name in ("step", "sampled_period", "learning_rate", "driver_pressure", "stop_speed_kmh"):
+        for name in ("step", "sampled_period", "learning_rate", "driver_pressure", "stop_speed_kmh", "longest_cycle"):
             _require(name, getattr(self, name), 0 < getattr(self, name) < math.inf, "positive")
         _require("threshold_floor", self.threshold_floor, self.threshold_floor >= 0, ">= 0")
         ratio = self.sampled_period / self.step

@@ -24,7 +24,7 @@ def tuning_table(result: TuningResult, title: str) -> Table:
     """One row per road and speed: published, untuned, tuned, sampled, ideal."""
     table = Table(title=title)
     period = f"{result.config.sampled_period * 1e3:g} ms"
-    for heading in ("km/h", "road", "published", "untuned", "tuned", f"sampled {period}", "ideal", "<= published"):
+    for heading in ("km/h", "road", "published", "untuned", "tuned", f"sampled {period}", "ideal", "cycles", "<= published"):
         table.add_column(heading, justify="left" if heading == "road" else "right")
     for row in result.rows:
         verdict = {True: "yes", False: "[red]no[/red]", None: "-"}[row.reached]
@@ -36,6 +36,7 @@ def tuning_table(result: TuningResult, title: str) -> Table:
             _distance(row.tuned, row.outcome),
             _distance(row.sampled, row.sampled_outcome),
             f"{row.ideal:.2f}",
+            f"{row.cycles}",
             verdict,
         )
     return table

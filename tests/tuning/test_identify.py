@@ -1,0 +1,138 @@
+"""Identification on logs from an independent simulator, whose true parameters lie beside them."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import tuning
+from absjax.tyre import Burckhardt
+from absjax.vehicle import Wheel
+from tuning.changes import find_stretches
+from tuning.friction_samples import FrictionSamples, friction_samples, is_rig
+from tuning.identify import Identification, identify
+from tuning.least_squares import arrow_fit
+from tuning.logs import LogError, read_csv
+
+DATA = Path(tuning.__file__).parent / "data"
+
+
+def case(name):
+    truth = json.loads((DATA / f"{name}.json").read_text())
+    return read_csv(DATA / f"{name}.csv"), Wheel(load=truth["load"]), truth
+
+
+def check(result, truth):
+    assert [len(result.segments)] == [len(truth["burckhardt"])]
+    for segment, c, start in zip(result.segments, truth["burckhardt"], truth["surface_start"]):
+        peak = Burckhardt(*c).peak()
+        assert abs(segment.start - start) < 0.03
+        assert segment.peak_friction == pytest.approx(float(peak.friction), rel=0.02)
+        assert segment.peak_slip == pytest.approx(float(peak.slip), abs=0.02)
+        assert all(segment.identifiable.values()) and not segment.statements
+        for name, true in zip(("c1", "c2", "c3"), c):
+            low, high = segment.ci95[name]
+            assert abs(getattr(segment, name) - true) < 1.5 * (high - low) / 2
+            assert (high - low) / 2 < 0.05 * true
+        assert 0.9 < segment.residual_rms < 1.1
+
+
+def test_rig_with_measured_force():
+    log, wheel, truth = case("rig_65kmh")
+    result = identify(log, wheel)
+    check(result, truth)
+    assert result.segments[0].method == "curve fit"
+
+
+def test_rig_without_force_by_output_error():
+    log, wheel, truth = case("rig_65kmh")
+    log = dataclasses.replace(log, force=None)
+    assert is_rig(log)
+    result = identify(log, wheel)
+    check(result, truth)
+    assert result.segments[0].method == "output error"
+
+
+@pytest.fixture(scope="module")
+def stop_result():
+    log, wheel, truth = case("stop_dry_wet")
+    return identify(log, wheel), truth
+
+
+def test_stop_with_a_change_of_surface(stop_result):
+    check(*stop_result)
+    road = stop_result[0].road()
+    assert float(road.friction(-0.1, 1.0, 0.0)) == pytest.approx(float(Burckhardt(1.2801, 23.99, 0.52).friction(-0.1)), rel=2e-3)
+
+
+def test_result_goes_through_json(stop_result):
+    result = stop_result[0]
+    data = json.loads(json.dumps(result.to_json(), allow_nan=False))
+    assert Identification.from_json(data) == result
+    assert {"segments", "log", "version"} <= set(data)
+    keys = {"start", "end", "c1", "c2", "c3", "peak_friction", "peak_slip", "ci95", "identifiable"}
+    assert keys <= set(data["segments"][0])
+
+
+def test_a_log_that_never_passes_the_peak_says_so():
+    log, wheel, _ = case("rig_65kmh")
+    result = identify(log.window(end=0.21), wheel)
+    segment = result.segments[0]
+    assert segment.largest_slip < segment.peak_slip
+    assert segment.identifiable == {"c1": segment.identifiable["c1"], "c2": True} | dict.fromkeys(("c3", "peak_friction", "peak_slip"), False)
+    assert any("c3 is not identifiable: slip reached" in statement for statement in segment.statements)
+
+
+def test_a_log_without_braking_and_one_of_uneven_sampling_are_refused():
+    log, wheel, _ = case("rig_65kmh")
+    rolling = dataclasses.replace(log, wheel_speed=log.vehicle_speed / 0.3)
+    with pytest.raises(LogError, match="holds no braking"):
+        identify(rolling, wheel)
+    time = log.time.copy()
+    time[1000] += 4e-4
+    with pytest.raises(LogError, match=r"not uniform, the step is 0\.0014 s at 0\.999 s"):
+        identify(dataclasses.replace(log, time=time), wheel)
+
+
+@pytest.mark.parametrize("kind, source", [("force", "force"), ("acceleration", "acceleration"), ("neither", "speed")])
+def test_friction_samples_come_from_the_best_signal(kind, source):
+    log, wheel, _ = case("stop_dry_wet")
+    if kind == "force":
+        log = dataclasses.replace(log, force=log.acceleration * float(wheel.mass))
+    if kind == "neither":
+        log = dataclasses.replace(log, acceleration=None)
+    samples = friction_samples(log, wheel)
+    assert samples.source == source
+    middle = slice(300, -300)
+    expected = log.acceleration if log.acceleration is not None else case("stop_dry_wet")[0].acceleration
+    assert np.sqrt(np.mean((samples.friction - expected / 9.81)[middle] ** 2)) < 0.05
+
+
+def test_change_instants_of_three_surfaces():
+    rng = np.random.default_rng(0)
+    time = np.arange(3000) * 1e-3
+    slip = -0.15 - 0.1 * np.sin(40 * time)
+    surfaces = [Burckhardt(1.28, 24.0, 0.52), Burckhardt(0.86, 34.0, 0.35), Burckhardt(1.2, 25.0, 0.54)]
+    friction = np.concatenate([np.asarray(s.friction(slip[i * 1000 : (i + 1) * 1000])) for i, s in enumerate(surfaces)])
+    stretches = find_stretches(FrictionSamples(time, slip, friction + 0.01 * rng.standard_normal(3000), "force"))
+    assert [abs(s.first - i * 1000) < 5 for i, s in enumerate(stretches)] == [True] * 3
+
+
+def test_arrow_fit_against_a_dense_solution():
+    rng = np.random.default_rng(1)
+    shared_matrix, own_matrix = rng.normal(size=(6, 20, 2)), rng.normal(size=(6, 20, 1))
+    target = rng.normal(size=(6, 20))
+
+    def evaluate(shared, own):
+        return shared_matrix @ shared + (own_matrix * own[:, None, :]).sum(-1) - target, shared_matrix, own_matrix
+
+    fit = arrow_fit(evaluate, np.ones(2), np.zeros((6, 1)), lower=np.full(2, -np.inf))
+    dense = np.zeros((120, 8))
+    dense[:, :2] = shared_matrix.reshape(120, 2)
+    for lane in range(6):
+        dense[lane * 20 : (lane + 1) * 20, 2 + lane] = own_matrix[lane, :, 0]
+    solution = np.linalg.lstsq(dense, target.ravel(), rcond=None)[0]
+    assert fit.converged
+    np.testing.assert_allclose(np.concatenate([fit.shared, fit.own[:, 0]]), solution, rtol=1e-6, atol=1e-9)
