@@ -97,9 +97,7 @@ class Tile:
         """Slope, guards and guard rates; the rates are d(guard)/dt along the flow."""
         slope = self.flow(time, state, mode)
         motion = jax.tree.map(lambda x, d: jnp.zeros_like(x) if d is None else d, state, slope)
-        guards, rates = jax.jvp(
-            lambda t, x: self.guards(t, x, mode), (time, state), (jnp.ones_like(time), motion)
-        )
+        guards, rates = jax.jvp(lambda t, x: self.guards(t, x, mode), (time, state), (jnp.ones_like(time), motion))
         return Local(slope, guards, rates)
 
 

@@ -20,7 +20,14 @@ from absjax._numerics import rk4_step, safe_divide, tree_where
 
 
 def tangent(
-    tile_of: Callable[[Any], Tile], parameters: Any, grid: Grid, lanes: Lanes, kept, d_parameters: Any, d_state: Any, d_left
+    tile_of: Callable[[Any], Tile],
+    parameters: Any,
+    grid: Grid,
+    lanes: Lanes,
+    kept,
+    d_parameters: Any,
+    d_state: Any,
+    d_left,
 ):
     """Tangents of state and time left after the iteration.
 

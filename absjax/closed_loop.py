@@ -16,7 +16,6 @@ from absjax.hybrid import FINISHED
 from absjax.parameters import model, parameter, part
 from absjax.vehicle import Plant, Signals
 
-
 LOCKED = -3
 """Mode of a lane whose wheel has locked."""
 LOCK_RATIO = 0.02
@@ -152,7 +151,9 @@ class ClosedLoop:
             jnp.where(first, self.plant.position(time, state.plant), memory.onset_position),
             memory.cycles + cycles,
             jnp.where(cycles, time, memory.cycle_time),
-            jnp.where(cycles & ~first, jnp.maximum(memory.longest_cycle, time - memory.cycle_time), memory.longest_cycle),
+            jnp.where(
+                cycles & ~first, jnp.maximum(memory.longest_cycle, time - memory.cycle_time), memory.longest_cycle
+            ),
         )
         return state._replace(memory=memory), following
 
@@ -163,7 +164,9 @@ class ClosedLoop:
     def guards(self, time, state: LoopState, mode):
         """The controller's slots, then the limits."""
         signals = self.signals(time, state)
-        return self.controller.guards(signals, self.phase(mode)) + self.limits(time, state, mode, self.command(signals, mode))
+        return self.controller.guards(signals, self.phase(mode)) + self.limits(
+            time, state, mode, self.command(signals, mode)
+        )
 
     def jump(self, time, state: LoopState, mode, slot):
         """The controller switches, the manoeuvre ends, or the pressure comes to rest on a limit."""

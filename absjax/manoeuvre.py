@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from absjax._numerics import safe_divide
 from absjax.closed_loop import LOCKED, ClosedLoop, SampledLoop
-from absjax.rollout import Rollout, Status, rollout
+from absjax.engine import Rollout, Status, rollout
 from absjax.vehicle import GRAVITY
 
 
@@ -76,7 +76,7 @@ def stop(
         loop: the closed loop; its `stop_speed` must be set. Leaves with a leading axis make an ensemble.
         speed: initial speed [m/s], scalar or (lanes,).
         horizon: longest time allowed [s].
-        step, max_events, save_every, save_switches, checkpoint, tile: see `absjax.rollout.rollout`.
+        step, max_events, save_every, save_switches, checkpoint, tile: see `absjax.engine.rollout`.
 
     Returns:
         A `Stop`, differentiable with respect to loop and speed.

@@ -8,6 +8,7 @@ tracers) are not, because a gradient of a positive quantity may well be negative
 
 import dataclasses
 import math
+from functools import partial
 from typing import Any, TypeVar, dataclass_transform
 
 import jax
@@ -52,12 +53,18 @@ def parameter(
     """
     return dataclasses.field(
         default=default,
-        metadata={"doc": doc, "bounds": Bounds(low, high, open_low), "leaf": True, "ndim": ndim, "trainable": trainable},
+        metadata={
+            "doc": doc,
+            "bounds": Bounds(low, high, open_low),
+            "leaf": True,
+            "ndim": ndim,
+            "trainable": trainable,
+        },
     )
 
 
 def _check(owner: str, field: dataclasses.Field, value: Any) -> None:
-    if value is None or isinstance(value, jax.core.Tracer) or not jnp.isscalar(value) and not hasattr(value, "dtype"):
+    if value is None or isinstance(value, jax.core.Tracer) or (not jnp.isscalar(value) and not hasattr(value, "dtype")):
         return
     bounds: Bounds = field.metadata["bounds"]
     try:
@@ -90,7 +97,7 @@ def model(cls: type[T]) -> type[T]:
         if own_post_init is not None:
             own_post_init(self)
 
-    setattr(cls, "__post_init__", __post_init__)
+    cls.__post_init__ = __post_init__
     cls = dataclasses.dataclass(frozen=True)(cls)
     leaves = tuple(f.name for f in dataclasses.fields(cls) if f.metadata.get("leaf") or f.metadata.get("part"))
     static = tuple(f.name for f in dataclasses.fields(cls) if f.name not in leaves)
@@ -132,6 +139,10 @@ def is_model(value: Any) -> bool:
     return dataclasses.is_dataclass(value) and not isinstance(value, type)
 
 
+def _axis(leaf, own: int) -> int:
+    return 0 if jnp.ndim(leaf) > own else -1
+
+
 def lane_axes(tree: Any) -> Any:
     """Same structure as `tree`, with 0 at leaves that carry a leading axis of lanes and -1 elsewhere.
 
@@ -141,13 +152,12 @@ def lane_axes(tree: Any) -> Any:
 
     def axes(node):
         if not is_model(node):
-            return 0 if jnp.ndim(node) > 0 else -1
+            return _axis(node, own=0)
         values = []
         for field in dataclasses.fields(node):
             value = getattr(node, field.name)
             if field.metadata.get("leaf"):
-                value = jax.tree.map(lambda leaf: 0 if jnp.ndim(leaf) > field.metadata["ndim"] else -1, value)
-                values.append(value)
+                values.append(jax.tree.map(partial(_axis, own=field.metadata["ndim"]), value))
             elif field.metadata.get("part"):
                 values.append(lane_axes(value))
         _, treedef = jax.tree.flatten(node, is_leaf=lambda child: child is not node)

@@ -7,8 +7,8 @@ import matplotlib.axes
 import numpy as np
 
 from absjax.closed_loop import ClosedLoop, LoopState
+from absjax.engine import Trajectory
 from absjax.road import SURFACES
-from absjax.rollout import Trajectory
 from absjax.tyre import Burckhardt
 
 

@@ -1,0 +1,1 @@
+"""What is done with the models: logs in, parameters and reports out; command line."""

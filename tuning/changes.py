@@ -56,7 +56,9 @@ class _Sums:
     def stretch(self, first: int, last: int) -> Stretch:
         residual, c1, c3 = self.fit(np.array([first]), np.array([last]))
         best = int(np.argmin(residual[:, 0]))
-        return Stretch(first, last, (float(c1[best, 0]), float(RATES[best]), float(c3[best, 0])), float(residual[best, 0]))
+        return Stretch(
+            first, last, (float(c1[best, 0]), float(RATES[best]), float(c3[best, 0])), float(residual[best, 0])
+        )
 
 
 def find_stretches(samples: FrictionSamples, most: int = 6) -> list[Stretch]:

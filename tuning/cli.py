@@ -41,7 +41,12 @@ def _clear_errors() -> Iterator[None]:
 def _bar(label: str):
     """A progress callback (done, total, cost): a bar on a terminal, a line now and then elsewhere."""
     if console.is_terminal:
-        columns = TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TextColumn("worst {task.fields[cost]:.4f}")
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TimeElapsedColumn(),
+            TextColumn("worst {task.fields[cost]:.4f}"),
+        )
         with Progress(*columns, console=console) as progress:
             task = progress.add_task(label, total=None, cost=float("nan"))
             yield lambda done, total, cost: progress.update(task, completed=done, total=total, cost=cost)
@@ -60,7 +65,9 @@ def _bar(label: str):
 def identify(
     log: Annotated[Path, typer.Argument(help="Brake log, CSV with a header.")],
     out: Out,
-    columns: Annotated[str | None, typer.Option(help="SIGNAL=COLUMN[:UNIT], comma-separated, where they differ.")] = None,
+    columns: Annotated[
+        str | None, typer.Option(help="SIGNAL=COLUMN[:UNIT], comma-separated, where they differ.")
+    ] = None,
     car: Annotated[Path | None, typer.Option(help="JSON with inertia, radius, load, brake_efficiency.")] = None,
     load: Annotated[float | None, typer.Option(help="Vertical load on the wheel [N]; overrides the car.")] = None,
     start: Annotated[float | None, typer.Option("--from", help="Use the log from this time on [s].")] = None,
@@ -91,7 +98,10 @@ def _identify(log, out, columns, car, load, start, end):
     wheel = Wheel() if car is None else read_car(car)
     if load is not None:
         wheel = dataclasses.replace(wheel, load=load)
-    console.print(f"car: {car or 'default wheel'}, load {float(wheel.load):g} N, radius {float(wheel.radius):g} m", highlight=False)
+    console.print(
+        f"car: {car or 'default wheel'}, load {float(wheel.load):g} N, radius {float(wheel.radius):g} m",
+        highlight=False,
+    )
     data = read_csv(log, parse_columns(columns), start=start, end=end, radius=float(wheel.radius))
     result = run(data, wheel, progress=lambda text: console.print(f"  {text}", highlight=False))
     console.print(identification_table(result))
@@ -110,8 +120,8 @@ def tune_abs(
 ) -> None:
     """Anti-lock thresholds for a batch of roads and speeds: result.json and figures."""
     with _clear_errors():
-        from tuning.files import read_json
         from tuning.config import TuningConfig
+        from tuning.files import read_json
 
         data = read_json(config)
         if isinstance(data, dict) and "parameters" in data and "config" in data:

@@ -17,6 +17,8 @@ from absjax.vehicle import QuarterCar, Wheel
 from tuning import published
 
 CONTROLLERS: dict[str, type[FivePhase]] = {"five_phase": FivePhase}
+
+
 class ConfigError(ValueError):
     """A configuration that cannot be used; the message names the entry."""
 
@@ -185,7 +187,7 @@ def _converted(name: str, value: Any, kind: Any) -> Any:
         if kind is float or kind == float | None:
             if isinstance(value, bool):
                 raise ValueError
-            return None if value is None and kind != float else float(value)
+            return None if value is None and kind is not float else float(value)
         if kind is str:
             if not isinstance(value, str):
                 raise ValueError

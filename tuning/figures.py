@@ -45,7 +45,9 @@ def _curves(result: Identification, log: BrakeLog, wheel: Wheel):
         axes.plot(-samples.slip[inside], -samples.friction[inside], ".", ms=1.5, alpha=0.25, color=colour)
         slip = np.linspace(0, max(0.3, 1.3 * segment.largest_slip, 1.5 * min(segment.peak_slip, 0.5)), 300)
         middle, half = _band(segment, slip)
-        label = f"{segment.start:.2f} to {segment.end:.2f} s: c = ({segment.c1:.3f}, {segment.c2:.2f}, {segment.c3:.3f})"
+        label = (
+            f"{segment.start:.2f} to {segment.end:.2f} s: c = ({segment.c1:.3f}, {segment.c2:.2f}, {segment.c3:.3f})"
+        )
         axes.plot(slip, middle, color="k", lw=2.2)
         axes.plot(slip, middle, color=colour, lw=1.4, label=label)
         axes.fill_between(slip, middle - half, middle + half, color=colour, alpha=0.35)
@@ -90,7 +92,13 @@ def _log(result: Identification, log: BrakeLog, wheel: Wheel):
     axes[2].plot(log.time, -samples.friction, lw=0.6, label="measured")
     for i, segment in enumerate(result.segments):
         inside = (log.time >= segment.start) & (log.time <= segment.end)
-        axes[2].plot(log.time[inside], -np.asarray(segment.tyre.friction(samples.slip[inside])), lw=1.2, color="k", label="fitted" if i == 0 else None)
+        axes[2].plot(
+            log.time[inside],
+            -np.asarray(segment.tyre.friction(samples.slip[inside])),
+            lw=1.2,
+            color="k",
+            label="fitted" if i == 0 else None,
+        )
         for axis in axes:
             axis.axvspan(segment.start, segment.end, color=f"C{i}", alpha=0.08, lw=0)
     axes[2].set(xlabel="time [s]", ylabel="friction |μ|")

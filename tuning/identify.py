@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import jax
@@ -189,6 +188,7 @@ def _refine_change(samples: FrictionSamples, before: Burckhardt, after: Burckhar
 def _segment(fit: Fit, method: str, samples: FrictionSamples, used, start: float, end: float) -> Segment:
     c = fit.shared
     with jax.enable_x64(True):
+
         def all_five(c):
             peak = Burckhardt(c[0], c[1], c[2]).peak()
             return jnp.stack([c[0], c[1], c[2], peak.friction, peak.slip])

@@ -43,10 +43,11 @@ def arrow_fit(
         own: start (lanes, q); q may be 0.
         lower: lower bounds (p,); a step that would pass one ends on it.
     """
-    damping, converged, iteration = 1e-4, False, 0
+    damping, converged, iterations = 1e-4, False, 0
     residual, by_shared, by_own = evaluate(shared, own)
     cost = float(np.sum(residual**2))
-    for iteration in range(1, MOST_ITERATIONS + 1):
+    while iterations < MOST_ITERATIONS and not converged:
+        iterations += 1
         matrix, vector, own_inverse, cross, own_vector = _reduced(residual, by_shared, by_own, damping)
         scale = np.diag(np.diag(matrix)) * damping
         step = -np.linalg.solve(matrix + scale, vector)
@@ -60,15 +61,11 @@ def arrow_fit(
             shared, own, cost = trial_shared, own + own_step, trial_cost
             residual, by_shared, by_own = trial
             damping = max(damping / 10, 1e-12)
-            if gain < 1e-10 or np.all(np.abs(step) <= 1e-9 * (np.abs(shared) + 1e-9)):
-                converged = True
-                break
+            converged = gain < 1e-10 or bool(np.all(np.abs(step) <= 1e-9 * (np.abs(shared) + 1e-9)))
         else:
             damping *= 10
-            if damping > 1e12:
-                converged = True
-                break
-    return Fit(shared, own, residual, _covariance(residual, by_shared, by_own), iteration, converged)
+            converged = damping > 1e12
+    return Fit(shared, own, residual, _covariance(residual, by_shared, by_own), iterations, converged)
 
 
 def _reduced(residual, by_shared, by_own, damping):

@@ -74,7 +74,9 @@ class BrakeLog:
         low, high = -np.inf if start is None else start, np.inf if end is None else end
         inside = (self.time >= low) & (self.time <= high)
         if inside.sum() < FEWEST_SAMPLES:
-            raise LogError(f"{self.name}: {inside.sum()} samples between {low:g} s and {high:g} s, {FEWEST_SAMPLES} needed")
+            raise LogError(
+                f"{self.name}: {inside.sum()} samples between {low:g} s and {high:g} s, {FEWEST_SAMPLES} needed"
+            )
         cut = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
         return BrakeLog(**{k: v[inside] if isinstance(v, np.ndarray) else v for k, v in cut.items()})
 
@@ -133,7 +135,9 @@ def read_csv(
             raise LogError(f"{path}: no column {column!r} for {signal}; there are {', '.join(map(str, table.columns))}")
         factor = FACTORS[signal].get(unit or next(iter(FACTORS[signal])))
         if factor is None:
-            raise LogError(f"{path}, column {column!r}: unit {unit!r} is unknown; {signal} may be in {', '.join(FACTORS[signal])}")
+            raise LogError(
+                f"{path}, column {column!r}: unit {unit!r} is unknown; {signal} may be in {', '.join(FACTORS[signal])}"
+            )
         signals[signal] = _numbers(path, column, table[column]) * factor
     names = {signal: wanted[signal].partition(":")[0] for signal in signals}
     _check_time(path, names["time"], signals["time"])
@@ -172,7 +176,9 @@ def _numbers(path: Path, column: str, cells: pd.Series) -> np.ndarray:
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         shown = cells.iloc[bad[0]] or "empty"
-        raise LogError(f"{path}, column {column!r}, row {bad[0] + 2}: {shown!r} is not a finite number ({bad.size} such rows)")
+        raise LogError(
+            f"{path}, column {column!r}, row {bad[0] + 2}: {shown!r} is not a finite number ({bad.size} such rows)"
+        )
     return values
 
 
@@ -187,9 +193,14 @@ def _check_time(path: Path, column: str, time: np.ndarray) -> None:
     period = np.median(steps)
     gaps = np.flatnonzero(steps > 5 * period)
     if gaps.size:
-        raise LogError(f"{path}, column {column!r}, row {gaps[0] + 3}: a gap of {steps[gaps[0]]:g} s, the sampling period is {period:g} s")
+        raise LogError(
+            f"{path}, column {column!r}, row {gaps[0] + 3}: a gap of {steps[gaps[0]]:g} s; "
+            f"the sampling period is {period:g} s"
+        )
     if not 1e-5 <= period <= 0.05:
-        raise LogError(f"{path}, column {column!r}: sampling period {period:g} s; 10 us to 50 ms can be used. Is time in s?")
+        raise LogError(
+            f"{path}, column {column!r}: sampling period {period:g} s; 10 us to 50 ms can be used. Is time in s?"
+        )
 
 
 def _check_values(path: Path, names: Mapping[str, str], log: BrakeLog, first_row: int) -> None:
@@ -198,27 +209,34 @@ def _check_values(path: Path, names: Mapping[str, str], log: BrakeLog, first_row
         if values is not None and np.abs(values).max() > largest:
             row = int(np.argmax(np.abs(values)))
             raise LogError(
-                f"{path}, column {names[signal]!r}, row {row + first_row}: {values[row]:g} is not plausible for {signal} "
-                f"in {next(iter(FACTORS[signal]))}; is it in {other}? Declare it as {signal}={names[signal]}:UNIT"
+                f"{path}, column {names[signal]!r}, row {row + first_row}: {values[row]:g} is not plausible "
+                f"for {signal} in {next(iter(FACTORS[signal]))}; is it in {other}? "
+                f"Declare it as {signal}={names[signal]}:UNIT"
             )
     for signal in ("vehicle_speed", "wheel_speed"):
         values = getattr(log, signal)
         if (values <= 0).any():
             row = int(np.argmax(values <= 0))
             raise LogError(
-                f"{path}, column {names[signal]!r}, row {row + first_row}: {signal} is {values[row]:g} at {log.time[row]:g} s; "
-                "slip has no meaning there, end the window before"
+                f"{path}, column {names[signal]!r}, row {row + first_row}: {signal} is {values[row]:g} "
+                f"at {log.time[row]:g} s; slip has no meaning there, end the window before"
             )
     for signal in ("wheel_speed", "vehicle_speed", "brake_pressure", "acceleration", "force"):
         values = getattr(log, signal)
         if values is not None and np.ptp(values) == 0:
-            raise LogError(f"{path}, column {names[signal]!r}: {signal} never changes from {values[0]:g}; is the sensor connected?")
+            raise LogError(
+                f"{path}, column {names[signal]!r}: {signal} never changes from {values[0]:g}; is the sensor connected?"
+            )
     if np.median(log.brake_pressure) < 0:
-        raise LogError(f"{path}, column {names['brake_pressure']!r}: mostly negative; braking pressure must be positive")
+        raise LogError(
+            f"{path}, column {names['brake_pressure']!r}: mostly negative; braking pressure must be positive"
+        )
     for signal in ("force", "acceleration"):
         values = getattr(log, signal)
         if values is not None and np.median(values) > 0 and np.median(values) > np.std(values):
-            raise LogError(f"{path}, column {names[signal]!r}: mostly positive; {signal} must be negative while braking")
+            raise LogError(
+                f"{path}, column {names[signal]!r}: mostly positive; {signal} must be negative while braking"
+            )
     if log.load is not None and (log.load <= 0).any():
         row = int(np.argmax(log.load <= 0))
         raise LogError(f"{path}, column {names['load']!r}, row {row + first_row}: vertical load is {log.load[row]:g} N")
@@ -229,8 +247,9 @@ def _check_agreement(path: Path, names: Mapping[str, str], log: BrakeLog, radius
     ratio = float(np.quantile(radius * log.wheel_speed / log.vehicle_speed, 0.99))
     if not 0.5 < ratio < 1.6:
         raise LogError(
-            f"{path}, columns {names['wheel_speed']!r} and {names['vehicle_speed']!r}: a rolling wheel of radius {radius:g} m "
-            f"would have R w / v near 1, here it is {ratio:.3g}; one of them is in another unit, or the radius is wrong"
+            f"{path}, columns {names['wheel_speed']!r} and {names['vehicle_speed']!r}: a rolling wheel "
+            f"of radius {radius:g} m would have R w / v near 1, here it is {ratio:.3g}; "
+            "one of them is in another unit, or the radius is wrong"
         )
     if log.acceleration is not None:
         lost = log.vehicle_speed[0] - log.vehicle_speed[-1]

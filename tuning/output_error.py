@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from absjax.engine import rollout
 from absjax.hybrid import Smooth
 from absjax.parameters import model, parameter, part
 from absjax.road import UniformRoad
-from absjax.rollout import rollout
 from absjax.tyre import Burckhardt
 from absjax.vehicle import CarState, QuarterCar, RigState, TestRig, Wheel
 from tuning.curve_fit import white_noise
@@ -77,7 +77,9 @@ def fit_output_error(log: BrakeLog, wheel: Wheel, inside: np.ndarray, start) -> 
         else:
             plant = QuarterCar(wheel, road)
             state = CarState(own[:, 1], own[:, 0], jnp.zeros(lanes))
-        path = rollout(DrivenPlant(plant, pressure, period), state, step=period, steps=length, save_every=1).trajectory.state
+        path = rollout(
+            DrivenPlant(plant, pressure, period), state, step=period, steps=length, save_every=1
+        ).trajectory.state
         if rig:
             return path.wheel_speed[..., None]
         slip = wheel.slip(path.wheel_speed, path.speed)

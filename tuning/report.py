@@ -15,7 +15,9 @@ def identification_table(result: Identification) -> Table:
         cells = []
         for name in (*PARAMETERS, "peak_friction", "peak_slip"):
             value = getattr(segment, name)
-            cells.append(f"{value:.4g} ± {value - segment.ci95[name][0]:.2g}" + ("" if segment.identifiable[name] else " ?"))
+            cells.append(
+                f"{value:.4g} ± {value - segment.ci95[name][0]:.2g}" + ("" if segment.identifiable[name] else " ?")
+            )
         table.add_row(f"{segment.start:.3f}", f"{segment.end:.3f}", *cells, segment.method)
     return table
 
@@ -24,7 +26,17 @@ def tuning_table(result: TuningResult, title: str) -> Table:
     """One row per road and speed: published, untuned, tuned, sampled, ideal."""
     table = Table(title=title)
     period = f"{result.config.sampled_period * 1e3:g} ms"
-    for heading in ("km/h", "road", "published", "untuned", "tuned", f"sampled {period}", "ideal", "cycles", "<= published"):
+    for heading in (
+        "km/h",
+        "road",
+        "published",
+        "untuned",
+        "tuned",
+        f"sampled {period}",
+        "ideal",
+        "cycles",
+        "<= published",
+    ):
         table.add_column(heading, justify="left" if heading == "road" else "right")
     for row in result.rows:
         verdict = {True: "yes", False: "[red]no[/red]", None: "-"}[row.reached]

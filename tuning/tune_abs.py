@@ -22,7 +22,6 @@ from tuning.batch import Problem, Row, build, judge, score
 from tuning.config import CONTROLLERS, TuningConfig
 from tuning.version import VERSION
 
-
 CANDIDATES = 256
 WIDEST_SEARCH, NARROWING = 0.06, 0.7
 """Standard deviation of the first refinement on the logarithms, and its factor from one to the next."""
@@ -59,7 +58,9 @@ class TuningResult:
         return cls(**{**data, "rows": rows, "config": TuningConfig.from_json(data["config"])})
 
 
-def tune_abs(config: TuningConfig, *, progress: Callable[[int, int, float], None] = lambda i, n, cost: None) -> TuningResult:
+def tune_abs(
+    config: TuningConfig, *, progress: Callable[[int, int, float], None] = lambda i, n, cost: None
+) -> TuningResult:
     """Tune a controller as the configuration says.
 
     Args:

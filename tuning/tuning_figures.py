@@ -7,8 +7,8 @@ import numpy as np
 
 from absjax.manoeuvre import stop
 from absjax.plots import phase_plane
-from tuning.figures import save
 from tuning.config import TuningConfig, tyre_of
+from tuning.figures import save
 from tuning.tune_abs import TuningResult
 
 
@@ -34,7 +34,9 @@ def _distances(result: TuningResult):
     for i, (label, values) in enumerate(series.items()):
         excess = 100 * (np.asarray(values, dtype=float) / ideal - 1)
         axes.bar(place + 0.2 * (i - 1.5), np.where(np.isfinite(excess), excess, 0), 0.2, label=label)
-    axes.set_xticks(place, [f"{row.road.replace('_', ' ')}\n{row.speed_kmh:g} km/h" for row in result.rows], rotation=60, fontsize=7)
+    axes.set_xticks(
+        place, [f"{row.road.replace('_', ' ')}\n{row.speed_kmh:g} km/h" for row in result.rows], rotation=60, fontsize=7
+    )
     axes.set(ylabel="distance above ideal [%]", ylim=(0, 15))
     axes.legend(fontsize="small", ncols=4)
     axes.grid(axis="y", alpha=0.3)

@@ -1,0 +1,1 @@
+"""Anti-lock controllers, one file each."""

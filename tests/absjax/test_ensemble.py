@@ -5,9 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax import rollout as engine
+from absjax import engine
+from absjax.engine import rollout
 from absjax.parameters import lane_axes
-from absjax.rollout import rollout
 from absjax.tyre import Burckhardt
 from tests.systems import Decay, Level, Relay, five_phase_loop
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.rollout import Status, rollout
+from absjax.engine import Status, rollout
 from absjax.tyre import Burckhardt
 from tests.systems import (
     DURATION,

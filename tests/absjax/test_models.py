@@ -11,11 +11,11 @@ from scipy.integrate import quad
 from absjax.actuator import Brake
 from absjax.closed_loop import SampledLoop
 from absjax.control.five_phase import FivePhase
+from absjax.engine import rollout
 from absjax.hybrid import Smooth
 from absjax.manoeuvre import Outcome, stop
 from absjax.parameters import model, parameter, part
 from absjax.road import SURFACES, ChangingRoad, UniformRoad, as_road, surface
-from absjax.rollout import rollout
 from absjax.tyre import Burckhardt
 from absjax.vehicle import CarState, QuarterCar, RigState, TestRig, Wheel
 from tests.systems import PARAMETERS, five_phase_loop
@@ -221,7 +221,9 @@ def test_a_locked_wheel_slides_the_rest_of_the_way():
     sliding = -9.81 * float(DRY.friction(-1.0))
     rest = (float(lock.state.plant.speed) ** 2 - 1.0) / (2 * sliding)
     assert float(result.distance) == pytest.approx(float(lock.state.plant.distance) + rest, rel=1e-12)
-    gradient = jax.grad(lambda u: stop(dataclasses.replace(loop, controller=FivePhase(eps0=1e6, u4=u)), 20.0, horizon=8.0).distance)
+    gradient = jax.grad(
+        lambda u: stop(dataclasses.replace(loop, controller=FivePhase(eps0=1e6, u4=u)), 20.0, horizon=8.0).distance
+    )
     assert np.isfinite(float(gradient(2000.0)))
 
 

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.rollout import RolloutError, Status, rollout
+from absjax.engine import RolloutError, Status, rollout
 from tests.systems import Decay, Explosion, Level, Oscillator, Race, Relay, Swing
 
 START = Level(jnp.asarray(0.0))
@@ -128,7 +128,9 @@ def test_smooth_system_against_its_solution():
         return rollout(Decay(rate), Level(jnp.asarray(3.0)), step=0.02, steps=100, save_every=10)
 
     result = end(jnp.asarray(0.8))
-    np.testing.assert_allclose(result.trajectory.state.x, 3 * np.exp(-0.8 * np.asarray(result.trajectory.time)), rtol=1e-9)
+    np.testing.assert_allclose(
+        result.trajectory.state.x, 3 * np.exp(-0.8 * np.asarray(result.trajectory.time)), rtol=1e-9
+    )
     np.testing.assert_allclose(result.trajectory.time, np.arange(11) * 0.2, rtol=1e-14)
     gradient = jax.grad(lambda rate: end(rate).state.x)(jnp.asarray(0.8))
     np.testing.assert_allclose(gradient, -2 * 3 * np.exp(-1.6), rtol=1e-8)

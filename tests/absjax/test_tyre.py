@@ -17,14 +17,18 @@ def test_slope_and_curvature_against_automatic_differentiation(curve):
     slope = jax.vmap(jax.grad(curve.friction))(jnp.asarray(SLIPS))
     np.testing.assert_allclose(curve.stiffness(SLIPS), slope, rtol=1e-12)
     away = SLIPS[np.abs(SLIPS) > 1e-6]
-    np.testing.assert_allclose(curve.curvature(away), jax.vmap(jax.grad(curve.stiffness))(jnp.asarray(away)), rtol=1e-11)
+    np.testing.assert_allclose(
+        curve.curvature(away), jax.vmap(jax.grad(curve.stiffness))(jnp.asarray(away)), rtol=1e-11
+    )
     np.testing.assert_allclose(curve.friction(-SLIPS), -curve.friction(SLIPS), atol=1e-18)
 
 
 def test_braking_identity_of_burckhardt():
     dry = SURFACES["dry_asphalt"]
     slip = np.linspace(-1, -0.01, 50)
-    np.testing.assert_allclose(dry.curvature(slip), dry.c2 * dry.stiffness(slip) + dry.c2 * dry.c3, rtol=1e-12, atol=1e-13)
+    np.testing.assert_allclose(
+        dry.curvature(slip), dry.c2 * dry.stiffness(slip) + dry.c2 * dry.c3, rtol=1e-12, atol=1e-13
+    )
 
 
 def test_third_order_identity_of_the_exponential_basis():
@@ -32,7 +36,9 @@ def test_third_order_identity_of_the_exponential_basis():
     a0, a1, a2 = curve.jerk_coefficients()
     slip = jnp.linspace(-0.9, -0.02, 30)
     jerk = jax.vmap(jax.grad(curve.curvature))(slip)
-    np.testing.assert_allclose(jerk, a0 + a1 * curve.stiffness(slip) + a2 * curve.curvature(slip), rtol=1e-9, atol=1e-12)
+    np.testing.assert_allclose(
+        jerk, a0 + a1 * curve.stiffness(slip) + a2 * curve.curvature(slip), rtol=1e-9, atol=1e-12
+    )
 
 
 @pytest.mark.parametrize(
@@ -67,14 +73,18 @@ def test_peak_of_the_exponential_basis_against_a_fine_grid():
     assert float(CURVES[3].peak().slip) == pytest.approx(slip[friction.argmax()], abs=2e-5)
 
 
-@pytest.mark.parametrize("coefficients", [(1.28, 24.0, 0.52), (0.05, 306.0, 0.0), (0.0, 0.0, 0.0), (0.1, 2.0, 0.5), (1, 3.0, 0.2)])
+@pytest.mark.parametrize(
+    "coefficients", [(1.28, 24.0, 0.52), (0.05, 306.0, 0.0), (0.0, 0.0, 0.0), (0.1, 2.0, 0.5), (1, 3.0, 0.2)]
+)
 def test_peak_and_its_gradient_are_finite_without_an_interior_peak(coefficients):
     c = jnp.array(coefficients, dtype=float)
     for value in (lambda c: Burckhardt(*c).peak().slip, lambda c: Burckhardt(*c).peak().friction):
         assert np.isfinite(value(c)) and np.all(np.isfinite(jax.grad(value)(c)))
 
 
-@pytest.mark.parametrize("bad", [(-1.0, 24.0, 0.5), (1.0, float("nan"), 0.5), (1.0, 24.0, float("inf")), ("x", 1.0, 1.0)])
+@pytest.mark.parametrize(
+    "bad", [(-1.0, 24.0, 0.5), (1.0, float("nan"), 0.5), (1.0, 24.0, float("inf")), ("x", 1.0, 1.0)]
+)
 def test_bad_coefficients_are_refused_by_name(bad):
     with pytest.raises(ValueError, match=r"Burckhardt\.c[123] = "):
         Burckhardt(*bad)

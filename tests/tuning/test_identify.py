@@ -64,7 +64,9 @@ def stop_result():
 def test_stop_with_a_change_of_surface(stop_result):
     check(*stop_result)
     road = stop_result[0].road()
-    assert float(road.friction(-0.1, 1.0, 0.0)) == pytest.approx(float(Burckhardt(1.2801, 23.99, 0.52).friction(-0.1)), rel=2e-3)
+    assert float(road.friction(-0.1, 1.0, 0.0)) == pytest.approx(
+        float(Burckhardt(1.2801, 23.99, 0.52).friction(-0.1)), rel=2e-3
+    )
 
 
 def test_result_goes_through_json(stop_result):
@@ -81,7 +83,9 @@ def test_a_log_that_never_passes_the_peak_says_so():
     result = identify(log.window(end=0.21), wheel)
     segment = result.segments[0]
     assert segment.largest_slip < segment.peak_slip
-    assert segment.identifiable == {"c1": segment.identifiable["c1"], "c2": True} | dict.fromkeys(("c3", "peak_friction", "peak_slip"), False)
+    assert segment.identifiable == {"c1": segment.identifiable["c1"], "c2": True} | dict.fromkeys(
+        ("c3", "peak_friction", "peak_slip"), False
+    )
     assert any("c3 is not identifiable: slip reached" in statement for statement in segment.statements)
 
 

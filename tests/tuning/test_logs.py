@@ -47,8 +47,14 @@ def stopping():
 
 
 BAD = {
-    "missing column": (without("brake_pressure_bar"), r"no column 'brake_pressure_bar' for brake_pressure; there are time_s"),
-    "text in a cell": (altered("vehicle_speed_m_s", 7, "fast"), r"column 'vehicle_speed_m_s', row 9: 'fast' is not a finite"),
+    "missing column": (
+        without("brake_pressure_bar"),
+        r"no column 'brake_pressure_bar' for brake_pressure; there are time_s",
+    ),
+    "text in a cell": (
+        altered("vehicle_speed_m_s", 7, "fast"),
+        r"column 'vehicle_speed_m_s', row 9: 'fast' is not a finite",
+    ),
     "empty cell": (altered("wheel_speed_rad_s", 0, ""), r"column 'wheel_speed_rad_s', row 2: 'empty' is not a finite"),
     "NaN": (altered("brake_pressure_bar", 99, "nan"), r"row 101: 'nan' is not a finite number \(1 such rows\)"),
     "infinity": (altered("brake_pressure_bar", 5, "inf"), r"row 7: 'inf' is not a finite number"),
@@ -57,12 +63,24 @@ BAD = {
     "a gap": ({**table(), "time_s": table()["time_s"] + 0.2 * (np.arange(400) >= 300)}, r"row 302: a gap of 0\.201 s"),
     "time in ms": (scaled("time_s", 1e3), r"sampling period 1 s; 10 us to 50 ms can be used"),
     "speed in km/h": (scaled("vehicle_speed_m_s", 3.6), r"R w / v near 1, here it is 0\.27"),
-    "speed in mm/s": (scaled("vehicle_speed_m_s", 1e3), r"30000 is not plausible for vehicle_speed in m/s; is it in km/h or mph"),
-    "wheel speed in rpm": (scaled("wheel_speed_rad_s", 9.549), r"is not plausible for wheel_speed in rad/s; is it in rpm"),
+    "speed in mm/s": (
+        scaled("vehicle_speed_m_s", 1e3),
+        r"30000 is not plausible for vehicle_speed in m/s; is it in km/h or mph",
+    ),
+    "wheel speed in rpm": (
+        scaled("wheel_speed_rad_s", 9.549),
+        r"is not plausible for wheel_speed in rad/s; is it in rpm",
+    ),
     "pressure in kPa": (scaled("brake_pressure_bar", 100), r"not plausible for brake_pressure in bar; is it in kPa"),
     "acceleration in g": (scaled("longitudinal_acceleration_m_s2", 1 / 9.81), r"integrates to 0\.3.* is it in g\?"),
-    "acceleration of the wrong sign": (scaled("longitudinal_acceleration_m_s2", -1), r"mostly positive; acceleration must be negative"),
-    "pressure of the wrong sign": (scaled("brake_pressure_bar", -1), r"mostly negative; braking pressure must be positive"),
+    "acceleration of the wrong sign": (
+        scaled("longitudinal_acceleration_m_s2", -1),
+        r"mostly positive; acceleration must be negative",
+    ),
+    "pressure of the wrong sign": (
+        scaled("brake_pressure_bar", -1),
+        r"mostly negative; braking pressure must be positive",
+    ),
     "too few samples": ({k: v[:150] for k, v in table().items()}, r"150 samples, 200 needed"),
     "standstill": (stopping(), r"vehicle_speed is 0 at 0\.25\d* s; slip has no meaning there, end the window before"),
     "negative wheel speed": (altered("wheel_speed_rad_s", 30, -2.0), r"row 32: wheel_speed is -2 at 0\.03 s"),
@@ -126,7 +144,9 @@ def test_other_names_and_units(tmp_path):
         read_csv(path, {"vehicle_speed": "v:knots"} | parse_columns("time=t:ms,wheel_speed=n:rpm,brake_pressure=p"))
 
 
-@pytest.mark.parametrize("declared, message", [("speed=v", "signal 'speed' is unknown"), ("time", "must read SIGNAL=COLUMN")])
+@pytest.mark.parametrize(
+    "declared, message", [("speed=v", "signal 'speed' is unknown"), ("time", "must read SIGNAL=COLUMN")]
+)
 def test_bad_declarations_are_refused(declared, message):
     with pytest.raises(LogError, match=message):
         parse_columns(declared)
