@@ -24,6 +24,8 @@ SHARPNESS = 600.0
 """Of the smooth maximum over the rows: larger is nearer to the maximum."""
 LONG_CYCLE_CHARGE = 0.05
 """Added to a row's ratio for every second by which its longest cycle exceeds the longest allowed."""
+LOCK_CHARGE = 0.005
+"""Added to the ratio of a row whose wheel locks, were it at the very end; it guides the choice, not the descent."""
 WORST_EFFICIENCY = 0.02
 """Efficiency below which a row counts no worse, so that a stop that fails outright has a finite cost."""
 SAFETY_HORIZON = 1.35
@@ -81,11 +83,12 @@ class Problem:
         return stop(loop, speed, horizon=self.horizon, step=step or self.step, max_events=800, tile=tile)
 
     def ratios(self, stops: Stop):
-        """Distance over reference, (rows, sets), and what cycles longer than allowed are charged."""
+        """Distance over reference, (rows, sets), and what long cycles and locked wheels are charged."""
         rows = self.speed.shape[0]
         efficiency = jnp.maximum(stops.efficiency, WORST_EFFICIENCY).reshape(rows, -1)
         excess = jnp.maximum(stops.longest_cycle.reshape(rows, -1) - self.longest_cycle, 0.0)
-        return (self.ideal / self.reference)[:, None] / efficiency + LONG_CYCLE_CHARGE * excess
+        locked = stops.outcome.reshape(rows, -1) == Outcome.LOCKED
+        return (self.ideal / self.reference)[:, None] / efficiency + LONG_CYCLE_CHARGE * excess + LOCK_CHARGE * locked
 
     def smooth_costs(self, stops: Stop):
         """Cost of each set, (sets,): mean ratio, or a smooth maximum of the ratios."""

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Annotated
 
 import jax
+import matplotlib
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -21,7 +22,8 @@ Out = Annotated[Path, typer.Option("--out", help="Folder for results and figures
 
 @app.callback()
 def _setup() -> None:
-    """Double precision, and every core a device."""
+    """Double precision, every core a device, and figures without a screen."""
+    matplotlib.use("Agg")
     jax.config.update("jax_enable_x64", True)
     with contextlib.suppress(RuntimeError):
         jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))

@@ -2,10 +2,6 @@
 
 from pathlib import Path
 
-import matplotlib
-
-matplotlib.use("Agg")
-
 import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
@@ -31,12 +27,13 @@ def save(figure, path: Path) -> Path:
 def identification_figures(result: Identification, log: BrakeLog, wheel: Wheel, folder: Path) -> list[Path]:
     """Friction curves with data and confidence bands; the log with its surfaces."""
     return [
-        save(_curves(result, log, wheel), folder / "friction_curve.png"),
-        save(_log(result, log, wheel), folder / "log.png"),
+        save(friction_figure(result, log, wheel), folder / "friction_curve.png"),
+        save(log_figure(result, log, wheel), folder / "log.png"),
     ]
 
 
-def _curves(result: Identification, log: BrakeLog, wheel: Wheel):
+def friction_figure(result: Identification, log: BrakeLog, wheel: Wheel):
+    """The friction curve of every surface with its data, 95 % band and peak."""
     samples = friction_samples(log, wheel)
     figure, axes = plt.subplots(figsize=(8, 5))
     for i, segment in enumerate(result.segments):
@@ -80,7 +77,8 @@ def _band(segment: Segment, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(friction(c)), Z95 * np.sqrt(np.maximum(variance, 0))
 
 
-def _log(result: Identification, log: BrakeLog, wheel: Wheel):
+def log_figure(result: Identification, log: BrakeLog, wheel: Wheel):
+    """Speeds, pressure and friction against time, surfaces shaded."""
     samples = friction_samples(log, wheel)
     figure, axes = plt.subplots(3, 1, figsize=(9, 7), sharex=True, layout="constrained")
     axes[0].plot(log.time, log.vehicle_speed, label="vehicle")

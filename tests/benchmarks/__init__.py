@@ -1,0 +1,1 @@
+"""Benchmarks; `python -m tests.benchmarks` prints their table. Speeds are ratios of things measured in one run."""

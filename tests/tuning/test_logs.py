@@ -120,8 +120,6 @@ def test_a_good_log_and_its_window(tmp_path):
     assert log.force is None and log.period == pytest.approx(1e-3)
     with pytest.raises(LogError, match=r"101 samples between 0\.1 s and 0\.2 s, 200 needed"):
         read_csv(tmp_path / "good.csv", start=0.1, end=0.2)
-    moving = write(tmp_path / "stopping.csv", stopping())
-    assert read_csv(moving, {"acceleration": "longitudinal_acceleration_m_s2"}, end=0.2, radius=0.02).time[-1] == 0.2
 
 
 def test_other_names_and_units(tmp_path):

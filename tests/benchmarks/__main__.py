@@ -1,0 +1,161 @@
+"""Print the table of benchmarks. Each pair is timed in turns, the best of several rounds counts."""
+
+import json
+import subprocess
+import sys
+import time
+
+import jax
+import numpy as np
+
+ROUNDS = 12
+LANES, STEP, STEPS, SPEED = 1024, 2e-3, 1250, 33.333
+
+
+def best_of_rounds(calls: dict) -> dict:
+    """Shortest time of each call [s]; the calls take turns."""
+    best = dict.fromkeys(calls, np.inf)
+    for call in calls.values():
+        jax.block_until_ready(call())
+    for _ in range(ROUNDS):
+        for name, call in calls.items():
+            begun = time.perf_counter()
+            jax.block_until_ready(call())
+            best[name] = min(best[name], time.perf_counter() - begun)
+    return best
+
+
+def scattered(lanes: int) -> np.ndarray:
+    """Burckhardt coefficients of dry asphalt, scattered by 10 %: (3, lanes)."""
+    return np.array([[1.2801], [23.99], [0.52]]) * (1 + 0.1 * np.random.default_rng(0).standard_normal((3, LANES)))[:, :lanes]
+
+
+def runner(dtype, *, lanes=LANES, sampled=False, steps=STEPS, stop_speed=2.5, checkpoint=None):
+    """`run(parameters) -> Rollout` of scattered lanes."""
+    import jax.numpy as jnp
+
+    from absjax import Brake, Burckhardt, ClosedLoop, FivePhase, QuarterCar, SampledLoop, UniformRoad, Wheel, rollout
+    from tests.systems import NAMES
+
+    tyre = Burckhardt(*(jnp.asarray(c, dtype) for c in scattered(lanes)))
+    speed = jnp.full(lanes, SPEED, dtype)
+
+    def run(parameters):
+        controller = FivePhase(**dict(zip(NAMES, parameters)))
+        loop = ClosedLoop(QuarterCar(Wheel(), UniformRoad(tyre)), Brake(), controller, stop_speed)
+        system = SampledLoop(loop) if sampled else loop
+        return rollout(system, system.at(speed), step=STEP, steps=steps, max_events=200, checkpoint=checkpoint)
+
+    return run
+
+
+def located_against_sampled() -> None:
+    import jax.numpy as jnp
+
+    from tests.systems import PARAMETERS
+
+    for dtype in (jnp.float64, jnp.float32):
+        for stop_speed, steps, label in ((2.5, STEPS, "2.5 s, ends at 2.5 m/s"), (None, 900, "1.8 s, no end")):
+            functions = {
+                name: jax.jit(runner(dtype, sampled=name == "sampled", steps=steps, stop_speed=stop_speed))
+                for name in ("located", "sampled")
+            }
+            parameters = PARAMETERS.astype(dtype)
+            results = {name: function(parameters) for name, function in functions.items()}
+            lane_steps = {name: float(np.sum(np.asarray(r.time)) / STEP) for name, r in results.items()}
+            best = best_of_rounds({n: (lambda f=f: f(parameters)) for n, f in functions.items()})
+            ns = {name: 1e9 * best[name] / lane_steps[name] for name in best}
+            print(
+                f"lane-step, {LANES} lanes, {jnp.dtype(dtype).name}, {label}: located {ns['located']:.1f} ns, "
+                f"sampled {ns['sampled']:.1f} ns, ratio {ns['located'] / ns['sampled']:.2f}",
+                flush=True,
+            )
+
+
+def gradient_against_forward() -> None:
+    import jax.numpy as jnp
+
+    from tests.systems import PARAMETERS
+
+    for dtype in (jnp.float64, jnp.float32):
+        run, parameters = runner(dtype, lanes=256), PARAMETERS.astype(dtype)
+        forward = jax.jit(run)
+        gradient = jax.jit(jax.grad(lambda p: run(p).state.plant.distance.mean()))
+        best = best_of_rounds({"forward": lambda: forward(parameters), "gradient": lambda: gradient(parameters)})
+        print(
+            f"gradient of the mean distance of 256 lanes, 9 parameters, {jnp.dtype(dtype).name}: "
+            f"{best['gradient'] / best['forward']:.2f} times forward, {256 / best['gradient']:.0f} gradients/s",
+            flush=True,
+        )
+
+
+def peak_memory() -> None:
+    """Each in a process of its own: what a process has needed at most cannot be reset."""
+    need = {}
+    for mode in ("forward", "kept", "checkpointed"):
+        done = subprocess.run([sys.executable, "-m", "tests.benchmarks", mode], capture_output=True, text=True, check=True)
+        need[mode] = json.loads(done.stdout.splitlines()[-1])
+    print(
+        "peak memory of the gradient of 256 lanes over 5000 steps, above the forward run's "
+        f"{need['forward']:.0f} MiB process: record kept {need['kept'] - need['forward']:.0f} MiB, "
+        f"checkpointed {need['checkpointed'] - need['forward']:.0f} MiB",
+        flush=True,
+    )
+
+
+def memory_of(mode: str) -> None:
+    import resource
+
+    import jax.numpy as jnp
+
+    from tests.systems import PARAMETERS
+
+    run = runner(jnp.float64, lanes=256, steps=5000, checkpoint=mode == "checkpointed")
+    if mode == "forward":
+        jax.block_until_ready(jax.jit(run)(PARAMETERS))
+    else:
+        jax.block_until_ready(jax.jit(jax.grad(lambda p: run(p).state.plant.distance.mean()))(PARAMETERS))
+    print(json.dumps(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024))
+
+
+def stops_against_numba() -> None:
+    import jax.numpy as jnp
+    import numba
+
+    from tests.benchmarks.numba_reference import stops
+    from tests.systems import PARAMETERS
+
+    numba.set_num_threads(len(jax.local_devices()))
+    c1, c2, c3 = (np.ascontiguousarray(c) for c in scattered(LANES))
+    speed, p = np.full(LANES, SPEED), np.asarray(PARAMETERS)
+    forward = jax.jit(runner(jnp.float64))
+
+    def by_hand():
+        return stops(c1, c2, c3, speed, p[:6], p[6:], STEP, STEPS, 2.5)
+
+    ours = forward(PARAMETERS)
+    gap = np.abs(np.asarray(ours.state.plant.distance) - by_hand()[1]).max()
+    best = best_of_rounds({"absjax": lambda: forward(PARAMETERS), "numba": by_hand})
+    rate = {name: LANES / seconds for name, seconds in best.items()}
+    print(
+        f"stops/s, {LANES} lanes, float64, 2 ms, {len(jax.local_devices())} cores: absjax {rate['absjax']:.0f}, numba by hand "
+        f"{rate['numba']:.0f}, ratio {rate['absjax'] / rate['numba']:.2f} (distances agree to {gap:.0e} m)",
+        flush=True,
+    )
+
+
+def main() -> None:
+    import os
+
+    jax.config.update("jax_enable_x64", True)
+    if len(sys.argv) > 1:
+        memory_of(sys.argv[1])
+        return
+    jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
+    stops_against_numba()
+    located_against_sampled()
+    gradient_against_forward()
+    peak_memory()
+
+
+main()

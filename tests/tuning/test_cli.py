@@ -1,0 +1,66 @@
+"""The command line, run as a user runs it."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import tuning
+
+DATA = Path(tuning.__file__).parent / "data"
+
+
+def run(*arguments):
+    return subprocess.run([sys.executable, "-m", "tuning", *map(str, arguments)], capture_output=True, text=True, timeout=300)
+
+
+def test_identify_writes_result_and_figures(tmp_path):
+    done = run("identify", DATA / "rig_65kmh.csv", "--out", tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "load 2850 N" in done.stdout and "curve fit" in done.stdout
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert {"segments", "log", "version"} <= set(result) and len(result["segments"]) == 1
+    assert result["segments"][0]["peak_friction"] == pytest.approx(1.0332, rel=0.02)
+    for figure in ("friction_curve.png", "log.png"):
+        assert (tmp_path / figure).read_bytes().startswith(b"\x89PNG")
+
+
+def test_tune_abs_writes_a_result_it_can_go_on_from(tmp_path):
+    config = {
+        "roads": ["dry_asphalt"],
+        "speeds_kmh": [25],
+        "stop_speed_kmh": 8,
+        "starts": 2,
+        "screened": 2,
+        "iterations": 2,
+        "refinements": 0,
+    }
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    first = run("tune-abs", "--config", tmp_path / "config.json", "--out", tmp_path / "a")
+    assert first.returncode == 0, first.stdout + first.stderr
+    assert "2/2" in first.stdout and "dry asphalt" in first.stdout
+    second = run("tune-abs", "--config", tmp_path / "a" / "result.json", "--out", tmp_path / "b")
+    assert second.returncode == 0, second.stdout + second.stderr
+    results = [json.loads((tmp_path / name / "result.json").read_text()) for name in "ab"]
+    assert results[1]["config"]["start"] == results[0]["parameters"]
+    assert {path.name for path in (tmp_path / "a").glob("*.png")} == {"distances.png", "history.png", "cycles.png"}
+
+
+@pytest.mark.parametrize(
+    "arguments, message",
+    [
+        (("identify", "nothing.csv", "--out", "x"), "nothing.csv: no such file"),
+        (("identify", DATA / "rig_65kmh.csv", "--out", "x", "--columns", "speed=v"), "signal 'speed' is unknown"),
+        (("identify", DATA / "rig_65kmh.csv", "--out", "x", "--load", "-3"), "Wheel.load = -3"),
+        (("identify", DATA / "rig_65kmh.csv", "--out", "x", "--car", "no.json"), "no.json: no such file"),
+        (("tune-abs", "--config", DATA / "rig_65kmh.csv", "--out", "x"), "not JSON"),
+    ],
+)
+def test_errors_are_a_line_and_an_exit_status(arguments, message, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = run(*arguments)
+    assert done.returncode == 2
+    assert message in done.stdout.replace("\n", " ") and "Traceback" not in done.stdout + done.stderr
+    assert not (tmp_path / "x").exists()

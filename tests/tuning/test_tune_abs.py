@@ -1,0 +1,119 @@
+"""Threshold tuning: it descends, respects its limits, goes through JSON, and refuses bad configurations."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from absjax.road import SURFACES
+from tuning.batch import build, judge
+from tuning.config import ConfigError, TuningConfig
+from tuning.demo import limited
+from tuning.tune_abs import TuningResult, tune_abs
+
+SMALL = TuningConfig(
+    roads=("dry_asphalt", "dry_cobblestones"),
+    speeds_kmh=(30.0,),
+    rate_limit=None,
+    lag=None,
+    threshold_floor=12.0,
+    starts=2,
+    screened=4,
+    iterations=12,
+    refinements=0,
+    stop_speed_kmh=8.0,
+)
+
+
+@pytest.fixture(scope="module")
+def result():
+    seen = []
+    tuned = tune_abs(SMALL, progress=lambda i, n, cost: seen.append((i, n, cost)))
+    return tuned, seen
+
+
+def test_tuning_shortens_the_worst_stop(result):
+    tuned, seen = result
+    worst = {name: max(getattr(row, name) / row.ideal for row in tuned.rows) for name in ("untuned", "tuned", "sampled")}
+    assert worst["tuned"] < worst["untuned"] - 0.01
+    assert tuned.cost == pytest.approx(max(worst["tuned"], worst["sampled"]), abs=1e-9)
+    assert [entry[0] for entry in seen] == list(range(1, 13)) and seen[-1][2] < seen[0][2]
+    assert len(tuned.history) == 12 and len(tuned.history[0]) == 2
+
+
+def test_limits_hold(result):
+    names, low, high = SMALL.box()
+    values = np.array([result[0].parameters[name] for name in names])
+    assert np.all(values >= low * (1 - 1e-9)) and np.all(values <= high * (1 + 1e-9))
+    assert all(low[i] == 12.0 for i, name in enumerate(names) if name.startswith("eps"))
+    assert result[0].parameters["ramp"] == 3.0
+
+
+def test_result_goes_through_json_and_can_be_gone_on_from(result):
+    tuned = result[0]
+    data = json.loads(json.dumps(tuned.to_json(), allow_nan=False))
+    again = TuningResult.from_json(data)
+    assert again == tuned
+    follow = TuningConfig.from_json({**data["config"], "start": data["parameters"]})
+    assert follow.base_controller() == tuned.controller
+
+
+def test_judging_in_chunks_and_by_mean():
+    problem = build(dataclasses.replace(SMALL, objective="mean"))
+    sets = {"eps2": np.linspace(38, 42, 70)}
+    judged = judge(problem, sets)
+    assert judged.costs.shape == (70,) and judged.distances.shape == (2, 70)
+    assert np.std(judged.costs) > 0
+    one = judge(problem, {"eps2": sets["eps2"][66:67]})
+    np.testing.assert_allclose(one.costs, judged.costs[66:67], rtol=1e-12)
+
+
+def test_a_controller_that_sticks_is_charged():
+    config = dataclasses.replace(SMALL, speeds_kmh=(120.0,), roads=("dry_asphalt",), lag=0.005, rate_limit=750.0)
+    sticking = {"eps0": 29.4, "eps1": 24.1, "eps2": 66.0, "eps3": 31.5, "eps4": 10.0, "eps5": 14.5}
+    sticking |= {"u1": 2637.0, "u3": 3457.0, "u4": 2812.0, "ramp": 0.47, "fallback": 0.5}
+    judged = judge(build(config), {name: np.array([value]) for name, value in sticking.items()})
+    assert judged.cycles[0, 0] <= 2 and judged.longest_cycles[0, 0] > 2
+    peak = float(SURFACES["dry_asphalt"].peak().friction)
+    ratio = judged.distances[0, 0] / ((120 / 3.6) ** 2 / (2 * 9.81 * peak))
+    assert judged.costs[0] == pytest.approx(ratio + 0.05 * (judged.longest_cycles[0, 0] - 1.0), rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    "entries, message",
+    [
+        ({"road": ["snow"]}, r"configuration: 'road' is unknown"),
+        ({"roads": ["mud"]}, r"roads: surface 'mud' is unknown"),
+        ({"roads": [[1.0, -2.0, 0.1]]}, r"roads: Burckhardt\.c2 = -2"),
+        ({"roads": []}, r"roads = \(\) must be one road at least"),
+        ({"roads": "snow"}, r"roads = 'snow' is not of the kind"),
+        ({"speeds_kmh": [1.0]}, r"speeds_kmh = 1\.0 must be above stop_speed_kmh"),
+        ({"rate_limit": -5}, r"Brake\.rate_limit = -5"),
+        ({"lag": "slow"}, r"lag = 'slow' is not of the kind"),
+        ({"starts": 0}, r"starts = 0 must be an integer >= 1"),
+        ({"iterations": 2.5}, r"iterations = 2\.5 is not of the kind"),
+        ({"objective": "best"}, r"objective: 'best' is unknown; there are worst, mean"),
+        ({"reference": "published", "roads": ["snow"]}, r"no distance is published for snow from 60 km/h"),
+        ({"controller": "bosch"}, r"controller: 'bosch' is unknown"),
+        ({"start": {"eps9": 1}}, r"start: 'eps9' is unknown"),
+        ({"start": {"eps1": -1}}, r"start: FivePhase\.eps1 = -1"),
+        ({"limits": {"eps1": [5, 2]}}, r"limits\.eps1 = \(5\.0, 2\.0\) must be"),
+        ({"sampled_period": 0.0013}, r"sampled_period = 0\.0013 must be a multiple of step"),
+        ({"screened": 1}, r"screened = 1 must be at least as many as starts"),
+        ({"wheel": {"spokes": 5}}, r"spokes"),
+        ([], r"a configuration is a dictionary, not list"),
+    ],
+)
+def test_bad_configurations_are_refused(entries, message):
+    with pytest.raises(ConfigError, match=message):
+        config = TuningConfig.from_json(entries)
+        config.box()
+        build(config)
+
+
+def test_shipped_parameters_reach_every_published_row():
+    config = limited()
+    judged = [judge(build(config), {k: np.array([v]) for k, v in config.known[0].items()}, *grid) for grid in ((), config.sampled_grid())]
+    assert all(j.costs[0] <= 1.0 for j in judged)
+    assert judged[0].longest_cycles.max() < 1.2 and judged[0].cycles.min() >= 5
