@@ -2,6 +2,7 @@
 
 import os
 import time
+from functools import partial
 
 import jax
 import numpy as np
@@ -25,7 +26,10 @@ def best_of_rounds(calls: dict) -> dict:
 
 def scattered(lanes: int) -> np.ndarray:
     """Burckhardt coefficients of dry asphalt, scattered by 10 %: (3, lanes)."""
-    return np.array([[1.2801], [23.99], [0.52]]) * (1 + 0.1 * np.random.default_rng(0).standard_normal((3, LANES)))[:, :lanes]
+    return (
+        np.array([[1.2801], [23.99], [0.52]])
+        * (1 + 0.1 * np.random.default_rng(0).standard_normal((3, LANES)))[:, :lanes]
+    )
 
 
 def runner(dtype, *, lanes=LANES, sampled=False, steps=STEPS, stop_speed=2.5, checkpoint=None):
@@ -47,6 +51,10 @@ def runner(dtype, *, lanes=LANES, sampled=False, steps=STEPS, stop_speed=2.5, ch
     return run
 
 
+def mean_distance(run, parameters):
+    return run(parameters).state.plant.distance.mean()
+
+
 def located_against_sampled() -> None:
     import jax.numpy as jnp
 
@@ -61,7 +69,7 @@ def located_against_sampled() -> None:
             parameters = PARAMETERS.astype(dtype)
             results = {name: function(parameters) for name, function in functions.items()}
             lane_steps = {name: float(np.sum(np.asarray(r.time)) / STEP) for name, r in results.items()}
-            best = best_of_rounds({n: (lambda f=f: f(parameters)) for n, f in functions.items()})
+            best = best_of_rounds({name: partial(function, parameters) for name, function in functions.items()})
             ns = {name: 1e9 * best[name] / lane_steps[name] for name in best}
             print(
                 f"lane-step, {LANES} lanes, {jnp.dtype(dtype).name}, {label}: located {ns['located']:.1f} ns, "
@@ -78,8 +86,8 @@ def gradient_against_forward() -> None:
     for dtype in (jnp.float64, jnp.float32):
         run, parameters = runner(dtype, lanes=256), PARAMETERS.astype(dtype)
         forward = jax.jit(run)
-        gradient = jax.jit(jax.grad(lambda p: run(p).state.plant.distance.mean()))
-        best = best_of_rounds({"forward": lambda: forward(parameters), "gradient": lambda: gradient(parameters)})
+        gradient = jax.jit(jax.grad(partial(mean_distance, run)))
+        best = best_of_rounds({"forward": partial(forward, parameters), "gradient": partial(gradient, parameters)})
         print(
             f"gradient of the mean distance of 256 lanes, 9 parameters, {jnp.dtype(dtype).name}: "
             f"{best['gradient'] / best['forward']:.2f} times forward, {256 / best['gradient']:.0f} gradients/s",
@@ -95,7 +103,7 @@ def peak_memory() -> None:
     need = {}
     for mode in ("forward", "record kept", "checkpointed"):
         run = runner(jnp.float64, lanes=256, steps=5000, checkpoint=mode == "checkpointed")
-        function = run if mode == "forward" else jax.grad(lambda p, run=run: run(p).state.plant.distance.mean())
+        function = run if mode == "forward" else jax.grad(partial(mean_distance, run))
         memory = jax.jit(function).lower(PARAMETERS).compile().memory_analysis()
         need[mode] = (memory.temp_size_in_bytes + memory.output_size_in_bytes) / 2**20
     print(
@@ -125,8 +133,9 @@ def stops_against_numba() -> None:
     best = best_of_rounds({"absjax": lambda: forward(PARAMETERS), "numba": by_hand})
     rate = {name: LANES / seconds for name, seconds in best.items()}
     print(
-        f"stops/s, {LANES} lanes, float64, 2 ms, {len(jax.local_devices())} cores: absjax {rate['absjax']:.0f}, numba by hand "
-        f"{rate['numba']:.0f}, ratio {rate['absjax'] / rate['numba']:.2f} (distances agree to {gap:.0e} m)",
+        f"stops/s, {LANES} lanes, float64, 2 ms, {len(jax.local_devices())} cores: absjax {rate['absjax']:.0f}, "
+        f"numba by hand {rate['numba']:.0f}, ratio {rate['absjax'] / rate['numba']:.2f} "
+        f"(distances agree to {gap:.0e} m)",
         flush=True,
     )
 

@@ -13,7 +13,9 @@ DATA = Path(tuning.__file__).parent / "data"
 
 
 def run(*arguments):
-    return subprocess.run([sys.executable, "-m", "tuning", *map(str, arguments)], capture_output=True, text=True, timeout=300)
+    return subprocess.run(
+        [sys.executable, "-m", "tuning", *map(str, arguments)], capture_output=True, text=True, timeout=300
+    )
 
 
 def test_identify_writes_result_and_figures(tmp_path):

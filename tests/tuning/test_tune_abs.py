@@ -35,7 +35,9 @@ def result():
 
 def test_tuning_shortens_the_worst_stop(result):
     tuned, seen = result
-    worst = {name: max(getattr(row, name) / row.ideal for row in tuned.rows) for name in ("untuned", "tuned", "sampled")}
+    worst = {
+        name: max(getattr(row, name) / row.ideal for row in tuned.rows) for name in ("untuned", "tuned", "sampled")
+    }
     assert worst["tuned"] < worst["untuned"] - 0.01
     assert tuned.cost == pytest.approx(max(worst["tuned"], worst["sampled"]), abs=1e-9)
     assert [entry[0] for entry in seen] == list(range(1, 13)) and seen[-1][2] < seen[0][2]
@@ -114,6 +116,9 @@ def test_bad_configurations_are_refused(entries, message):
 
 def test_shipped_parameters_reach_every_published_row():
     config = limited()
-    judged = [judge(build(config), {k: np.array([v]) for k, v in config.known[0].items()}, *grid) for grid in ((), config.sampled_grid())]
+    judged = [
+        judge(build(config), {k: np.array([v]) for k, v in config.known[0].items()}, *grid)
+        for grid in ((), config.sampled_grid())
+    ]
     assert all(j.costs[0] <= 1.0 for j in judged)
     assert judged[0].longest_cycles.max() < 1.2 and judged[0].cycles.min() >= 5
