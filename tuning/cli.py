@@ -163,7 +163,7 @@ def demo(out: Out = Path("demo")) -> None:
         console.rule("3  thresholds with rate limit, brake lag and a floor")
         result = _tune(limited(), out / "limited", "750 bar/s, 5 ms, thresholds >= 10 m/s^2")
         console.rule("4  what each limit costs")
-        with _bar("re-tuned with all limits, then without one at a time") as progress:
+        with _bar("tuned under one limit at a time") as progress:
             table = limit_costs(result, free, progress)
         console.print(table)
     console.print(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/", highlight=False)
