@@ -69,6 +69,8 @@ def _segment(system_axes, plan: Plan):
 
     def rule(primals, tangents):
         system, grid, lanes = primals
+        if any(not isinstance(dot, SymbolicZero) and dot.dtype != jax.dtypes.float0 for dot in tangents[1]):
+            raise TypeError("a rollout has no derivative with respect to `step` and `start`")
         leaves, treedef = jax.tree.flatten(system)
         dots = jax.tree.leaves(tangents[0], is_leaf=lambda t: isinstance(t, SymbolicZero))
         live = [not isinstance(dot, SymbolicZero) and dot.dtype != jax.dtypes.float0 for dot in dots]

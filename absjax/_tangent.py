@@ -64,13 +64,12 @@ def tangent(
         after, d_after = jax.jvp(function, *arguments)
         return tree_where(applies, after, state), tree_where(applies, d_after, d_state)
 
-    mode = lanes.mode
     if switches:
         jumping = lanes.doing >= CROSSING
         state, d_end = transition(
             lambda p, t, x: tile_of(p).jump(t, x, lanes.mode, lanes.slot)[0], jumping, state, d_end
         )
     if tile.ticks:
-        _, d_end = transition(lambda p, t, x: tile_of(p).tick(t, x, mode)[0], tile.ticking(lanes), state, d_end)
+        _, d_end = transition(lambda p, t, x: tile_of(p).tick(t, x, lanes.mode)[0], tile.ticking(lanes), state, d_end)
     d_left_after = jnp.where(normal, 0.0, d_left - d_step)
     return tree_where(kept, d_state, d_end), jnp.where(kept, d_left, d_left_after)

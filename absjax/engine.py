@@ -26,7 +26,7 @@ TILE = 256
 """Most lanes that run as one batch; larger ensembles are cut into tiles."""
 SMALLEST_TILE = 32
 """An ensemble is spread over devices as long as tiles stay this large."""
-REPLAY_BYTES = 2**28
+RECORD_BYTES = 2**28
 """Above this size of the record of all lanes, `checkpoint=None` recomputes segments instead."""
 
 
@@ -121,7 +121,7 @@ def rollout(
     One lane or an ensemble: wherever `system`, `state` or `mode` has a leaf with one leading axis more
     than a single lane needs, that axis counts lanes (`absjax.parameters.lane_axes`); other leaves are
     shared. Lanes run in tiles, the tiles spread over all local devices. Differentiable in forward and
-    reverse mode with respect to system and state; dtype follows `state`.
+    reverse mode with respect to system and state, not to `step` and `start`; dtype follows `state`.
 
     Args:
         system: see `absjax.hybrid.HybridSystem`.
@@ -144,6 +144,7 @@ def rollout(
     Raises:
         ValueError: if `steps`, `step`, `max_events`, `save_every` or `tile` is not admissible, or
             two ensembles differ in size.
+        TypeError: if a derivative with respect to `step` or `start` is asked for.
     """
     least_of = {
         "steps": (steps, 1),
@@ -180,11 +181,11 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
 
     # Scalars shared by all lanes are spread over them: their derivatives then add up lane by lane,
     # and are summed once.
-    def spread(leaf, axis):
-        return jnp.broadcast_to(leaf, (lanes,)) if axis < 0 and jnp.ndim(leaf) == 0 else leaf
+    def spread(leaf):
+        return jnp.broadcast_to(leaf, (lanes,)) if jnp.ndim(leaf) == 0 else leaf
 
     axes = jax.tree.map(lambda axis, leaf: 0 if jnp.ndim(leaf) == 0 else axis, axes, system)
-    system, state, mode = jax.tree.map(lambda leaf: spread(leaf, -1), (system, state, mode))
+    system, state, mode = jax.tree.map(spread, (system, state, mode))
 
     smooth = not jax.eval_shape(lambda: _one_lane_guards(system, axes, state, grid))
     iterations = steps if smooth else steps + 4 * max_events
@@ -192,7 +193,7 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
     segments = -(-iterations // length)
     words = len(jax.tree.leaves(state)) + 4
     if checkpoint is None:
-        checkpoint = lanes * iterations * words * grid.step.dtype.itemsize > REPLAY_BYTES
+        checkpoint = lanes * iterations * words * grid.step.dtype.itemsize > RECORD_BYTES
     plan = Plan(segments, length, bool(save_every or save_switches), bool(checkpoint))
 
     def roll(system, state, mode):

@@ -8,20 +8,6 @@ import numpy as np
 
 from absjax.closed_loop import ClosedLoop, LoopState
 from absjax.engine import Trajectory
-from absjax.road import SURFACES
-from absjax.tyre import Burckhardt
-
-
-def friction_curves(axes: matplotlib.axes.Axes, tyres: dict[str, Burckhardt] | None = None) -> None:
-    """Friction against the magnitude of slip, peaks marked."""
-    slip = np.linspace(0, 1, 401)
-    for name, tyre in (SURFACES if tyres is None else tyres).items():
-        (line,) = axes.plot(slip, -np.asarray(tyre.friction(-slip)), label=name.replace("_", " "))
-        peak = tyre.peak()
-        axes.plot(float(peak.slip), float(peak.friction), "o", ms=4, color=line.get_color())
-    axes.set(xlabel="slip magnitude |λ|", ylabel="friction |μ|", xlim=(0, 1), ylim=(0, None))
-    axes.legend(fontsize="small")
-    axes.grid(alpha=0.3)
 
 
 def speeds(axes: matplotlib.axes.Axes, trajectory: Trajectory, radius: float, label: str = "") -> None:

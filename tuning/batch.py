@@ -34,15 +34,18 @@ SAFETY_HORIZON = 1.35
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One road and speed: distances v0^2 / (2 g mean friction) [m] and how the stops ended."""
+    """One road and speed: distances v0^2 / (2 g mean friction) [m] and how the stops ended.
+
+    A distance is None where the vehicle was not slowed down at all.
+    """
 
     road: str
     speed_kmh: float
     ideal: float
     published: float | None
-    untuned: float
-    tuned: float
-    sampled: float
+    untuned: float | None
+    tuned: float | None
+    sampled: float | None
     cycles: int
     longest_cycle: float
     """s"""
@@ -52,7 +55,9 @@ class Row:
     @property
     def reached(self) -> bool | None:
         """Whether tuned distances, located and sampled, are at or below the published one."""
-        return None if self.published is None else max(self.tuned, self.sampled) <= self.published
+        if self.published is None:
+            return None
+        return all(d is not None and d <= self.published for d in (self.tuned, self.sampled))
 
 
 @model
@@ -171,6 +176,10 @@ def _published(road: str, speed_kmh: float) -> float | None:
     return None if row is None else row.five_phase
 
 
+def _finite(distance) -> float | None:
+    return float(distance) if np.isfinite(distance) else None
+
+
 def score(config: TuningConfig, parameters: Mapping[str, float]) -> list[Row]:
     """Distances of the configured start and of tuned parameters: located, and sampled."""
     problem, base = build(config), config.base_controller()
@@ -182,9 +191,9 @@ def score(config: TuningConfig, parameters: Mapping[str, float]) -> list[Row]:
             speed_kmh=speed,
             ideal=float(problem.ideal[i]),
             published=_published(road, speed),
-            untuned=float(located.distances[i, 0]),
-            tuned=float(located.distances[i, 1]),
-            sampled=float(sampled.distances[i, 1]),
+            untuned=_finite(located.distances[i, 0]),
+            tuned=_finite(located.distances[i, 1]),
+            sampled=_finite(sampled.distances[i, 1]),
             cycles=int(located.cycles[i, 1]),
             longest_cycle=float(located.longest_cycles[i, 1]),
             outcome=Outcome(int(located.outcomes[i, 1])).name,

@@ -17,6 +17,8 @@ from absjax.vehicle import QuarterCar, Wheel
 from tuning import published
 
 CONTROLLERS: dict[str, type[FivePhase]] = {"five_phase": FivePhase}
+LEAST_FRICTION = 0.01
+"""Peak friction below which a road is taken for a mistake; ice has 0.05."""
 
 
 class ConfigError(ValueError):
@@ -214,6 +216,10 @@ def tyre_of(road: Any) -> Burckhardt:
         ConfigError: if the name is unknown, or the coefficients are not admissible.
     """
     try:
-        return surface(road) if isinstance(road, str) else Burckhardt(*road)
+        tyre = surface(road) if isinstance(road, str) else Burckhardt(*road)
     except (ValueError, TypeError) as error:
         raise ConfigError(f"roads: {error}") from None
+    peak = float(tyre.peak().friction)
+    if peak < LEAST_FRICTION:
+        raise ConfigError(f"roads: c = {tuple(road)} has a peak friction of {peak:g}; {LEAST_FRICTION} at least")
+    return tyre

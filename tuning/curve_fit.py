@@ -30,7 +30,7 @@ def fit_curve(slip, friction, slip_noise, start) -> Fit:
     usable = len(slip) // BLOCK * BLOCK
     order = slice(len(slip) - usable, None)
     slip, friction, slip_noise = slip[order], friction[order], slip_noise[order]
-    noise = _high_pass_noise(friction)
+    noise = white_noise(friction)
     shared, fit = np.asarray(start, float), None
     for _ in range(SWEEPS):
         stiffness = np.asarray(_model(jnp.asarray(shared), jnp.asarray(slip))[2])
@@ -48,11 +48,6 @@ def fit_curve(slip, friction, slip_noise, start) -> Fit:
     return fit
 
 
-def _high_pass_noise(signal) -> float:
-    """Standard deviation of what is white in a signal, from its second differences."""
+def white_noise(signal: np.ndarray) -> float:
+    """Standard deviation of the sensor noise of a smooth signal sampled fast, from its second differences."""
     return float(np.median(np.abs(np.diff(signal, 2))) / 0.6745 / np.sqrt(6)) + 1e-12
-
-
-def white_noise(signal) -> float:
-    """Standard deviation of the sensor noise of a smooth signal sampled fast."""
-    return _high_pass_noise(np.asarray(signal))

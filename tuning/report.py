@@ -43,8 +43,8 @@ def tuning_table(result: TuningResult, title: str) -> Table:
         table.add_row(
             f"{row.speed_kmh:g}",
             row.road.replace("_", " "),
-            "-" if row.published is None else f"{row.published:.2f}",
-            f"{row.untuned:.2f}",
+            _distance(row.published),
+            _distance(row.untuned),
             _distance(row.tuned, row.outcome),
             _distance(row.sampled, row.sampled_outcome),
             f"{row.ideal:.2f}",
@@ -54,8 +54,8 @@ def tuning_table(result: TuningResult, title: str) -> Table:
     return table
 
 
-def _distance(distance: float, outcome: str) -> str:
-    return f"{distance:.2f}" + ("" if outcome == "STOPPED" else f" {outcome.lower()}")
+def _distance(distance: float | None, outcome: str = "STOPPED") -> str:
+    return ("-" if distance is None else f"{distance:.2f}") + ("" if outcome == "STOPPED" else f" {outcome.lower()}")
 
 
 def parameter_line(result: TuningResult) -> str:

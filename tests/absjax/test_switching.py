@@ -123,6 +123,16 @@ def test_divergence_is_said_and_finite():
         result.raise_if_failed()
 
 
+@pytest.mark.parametrize("what", ["step", "start"])
+def test_no_derivative_with_respect_to_the_grid(what):
+    def end(value):
+        options = {"step": 0.01, "start": 0.0, what: value}
+        return rollout(Relay(), START, steps=10, max_events=4, **options).state.x
+
+    with pytest.raises(TypeError, match="no derivative with respect to `step` and `start`"):
+        jax.grad(end)(0.01)
+
+
 def test_smooth_system_against_its_solution():
     def end(rate):
         return rollout(Decay(rate), Level(jnp.asarray(3.0)), step=0.02, steps=100, save_every=10)

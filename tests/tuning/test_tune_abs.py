@@ -10,6 +10,8 @@ from absjax.road import SURFACES
 from tuning.batch import build, judge
 from tuning.config import ConfigError, TuningConfig
 from tuning.demo import limited
+from tuning.files import read_json, write_json
+from tuning.report import tuning_table
 from tuning.tune_abs import TuningResult, tune_abs
 
 SMALL = TuningConfig(
@@ -61,6 +63,15 @@ def test_result_goes_through_json_and_can_be_gone_on_from(result):
     assert follow.base_controller() == tuned.controller
 
 
+def test_a_stop_that_never_slows_down_is_written_as_none(tmp_path, result):
+    rows = [dataclasses.replace(result[0].rows[0], published=12.0, tuned=None)]
+    assert rows[0].reached is False
+    failed = dataclasses.replace(result[0], rows=rows)
+    write_json(tmp_path / "result.json", failed.to_json())
+    assert TuningResult.from_json(read_json(tmp_path / "result.json")) == failed
+    tuning_table(failed, "failed")
+
+
 def test_judging_in_chunks_and_by_mean():
     problem = build(dataclasses.replace(SMALL, objective="mean"))
     sets = {"eps2": np.linspace(38, 42, 70)}
@@ -88,6 +99,7 @@ def test_a_controller_that_sticks_is_charged():
         ({"road": ["snow"]}, r"configuration: 'road' is unknown"),
         ({"roads": ["mud"]}, r"roads: surface 'mud' is unknown"),
         ({"roads": [[1.0, -2.0, 0.1]]}, r"roads: Burckhardt\.c2 = -2"),
+        ({"roads": [[0.0, 1.0, 0.0]]}, r"roads: c = \(0\.0, 1\.0, 0\.0\) has a peak friction of 0"),
         ({"roads": []}, r"roads = \(\) must be one road at least"),
         ({"roads": "snow"}, r"roads = 'snow' is not of the kind"),
         ({"speeds_kmh": [1.0]}, r"speeds_kmh = 1\.0 must be above stop_speed_kmh"),
