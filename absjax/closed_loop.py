@@ -1,8 +1,9 @@
-"""Plant, brake and controller composed into one hybrid system for the rollout engine.
+"""Plant, brake, observer and controller composed into one hybrid system for the rollout engine.
 
 The same description runs under two semantics: `ClosedLoop` locates every switching inside the step;
 `SampledLoop` tests the controller's guards every so many steps on the measured signals and holds the
-command in between, as an electronic control unit does.
+command in between, as an electronic control unit does. An observer is integrated along in the first,
+and advances from sample to sample in the second.
 """
 
 from typing import Any, NamedTuple, Protocol
@@ -13,6 +14,7 @@ import jax.numpy as jnp
 from absjax._numerics import tree_where
 from absjax.actuator import Brake, BrakeState
 from absjax.hybrid import FINISHED
+from absjax.observe.sampled import Observer, Sample, advance
 from absjax.parameters import model, parameter, part
 from absjax.vehicle import Plant, Signals
 
@@ -21,24 +23,34 @@ LOCKED = -3
 LOCK_RATIO = 0.02
 """A wheel whose rim is slower than this share of the vehicle has locked."""
 
+LEAVING_RATE = 1.0
+"""Rate, bar/s, that has to be asked for before the pressure leaves a limit: at 0 rounding would send it back."""
+
 
 class Controller(Protocol):
-    """An anti-lock controller: an automaton on signals that commands a pressure rate."""
+    """An anti-lock controller: an automaton on signals that commands a pressure rate.
+
+    `kept` is what it keeps from one switching to the next, a pytree of float scalars; () for nothing.
+    """
 
     phases: tuple[str, ...]
     slots: int
     cycle_phase: int
 
-    def rate(self, signals: Signals, mode) -> jax.Array:
+    def at(self, signals: Signals) -> Any:
+        """What it keeps at the start."""
+        ...
+
+    def rate(self, signals: Signals, kept: Any, mode) -> jax.Array:
         """Commanded dPb/dt [bar/s]."""
         ...
 
-    def guards(self, signals: Signals, mode) -> tuple[jax.Array, ...]:
+    def guards(self, signals: Signals, kept: Any, mode) -> tuple[jax.Array, ...]:
         """One value per slot; a slot fires when its value rises through zero."""
         ...
 
-    def next_mode(self, mode, slot) -> jax.Array:
-        """Phase after the guard of `slot` has fired."""
+    def switch(self, signals: Signals, kept: Any, mode, slot) -> tuple[Any, jax.Array]:
+        """What it keeps, and the phase, after the guard of `slot` has fired."""
         ...
 
 
@@ -64,6 +76,10 @@ class LoopState(NamedTuple):
 
     plant: Any
     brake: BrakeState
+    observer: Any
+    """None without one"""
+    controller: Any
+    """what the controller keeps"""
     memory: Memory
 
 
@@ -85,11 +101,16 @@ class ClosedLoop:
         low=0.0,
         open_low=True,
     )
+    observer: Observer | None = part("estimates XBS for the controller; None tells it the true one", default=None)
 
     def at(self, speed) -> LoopState:
         """State of free rolling at `speed` [m/s] with the brake released."""
         zero = 0.0 * speed
-        return LoopState(self.plant.at(speed), self.brake.at(zero), Memory(zero, speed, zero, zero, zero, zero))
+        plant, brake = self.plant.at(speed), self.brake.at(zero)
+        signals = self.plant.signals(zero, plant, zero)
+        observer = None if self.observer is None else self.observer.at(signals.acceleration_offset)
+        state = LoopState(plant, brake, observer, (), Memory(zero, speed, zero, zero, zero, zero))
+        return state._replace(controller=self.controller.at(self.told(signals, state)))
 
     def phase(self, mode):
         """The controller's phase in `mode`."""
@@ -99,24 +120,35 @@ class ClosedLoop:
     def _pressed(self, mode):
         return mode < len(self.controller.phases)
 
-    def signals(self, time, state: LoopState) -> Signals:
-        """What the controller is told."""
+    def measured(self, time, state: LoopState) -> Signals:
+        """What sensors without error see."""
         return self.plant.signals(time, state.plant, self.brake.pressure(state.brake))
 
-    def command(self, signals: Signals, mode):
+    def told(self, signals: Signals, state: LoopState) -> Signals:
+        """What the controller is told: XBS as the observer estimates it."""
+        if self.observer is None:
+            return signals
+        return signals._replace(stiffness=self.observer.stiffness(state.observer, signals.acceleration_offset))
+
+    def signals(self, time, state: LoopState) -> Signals:
+        """What the controller is told, measured without error."""
+        return self.told(self.measured(time, state), state)
+
+    def command(self, signals: Signals, state: LoopState, mode):
         """The rate the actuator is asked for and can follow [bar/s]."""
-        return self.brake.limit(self.controller.rate(signals, self.phase(mode)))
+        return self.brake.limit(self.controller.rate(signals, state.controller, self.phase(mode)))
 
     def driven(self, time, state: LoopState, mode, rate) -> LoopState:
-        """d(state)/dt under a given rate [bar/s]."""
+        """d(state)/dt under a given rate [bar/s], the observer held."""
         if self.brake.driver_pressure is not None:
             rate = jnp.where(self._pressed(mode), rate, 0.0)
         plant = self.plant.flow(time, state.plant, self.brake.pressure(state.brake))
-        return LoopState(plant, self.brake.flow(state.brake, rate), Memory(*(None,) * len(Memory._fields)))
+        observer, controller, memory = jax.tree.map(lambda _: None, (state.observer, state.controller, state.memory))
+        return LoopState(plant, self.brake.flow(state.brake, rate), observer, controller, memory)
 
     def limits(self, time, state: LoopState, mode, rate) -> tuple[jax.Array, ...]:
-        """Guards that are physical, not the controller's: the end (stop or lock), and the limits of the
-        pressure."""
+        """Guards that are physical, not the controller's: the end (stop or lock), and the pressure coming to
+        rest on one of its limits or, asked the other way, leaving it."""
         guards = ()
         if self.stop_speed is not None:
             speed = self.plant.speed_of(time, state.plant)
@@ -125,23 +157,25 @@ class ClosedLoop:
         if self.brake.driver_pressure is not None:
             pressure = state.brake.commanded
             excess = jnp.where(rate < 0, -pressure, pressure - self.brake.driver_pressure)
-            guards += (jnp.where(self._pressed(mode) & (rate != 0), excess, -1.0),)
+            inward = jnp.where(pressure > 0.5 * self.brake.driver_pressure, -rate, rate)
+            guards += (jnp.where(self._pressed(mode), jnp.where(rate != 0, excess, -1.0), inward - LEAVING_RATE),)
         return guards
 
     def meet_limit(self, time, state: LoopState, mode, slot):
         """Mode after guard `slot` of `limits` has fired."""
-        rests = mode + len(self.controller.phases)
+        phases = len(self.controller.phases)
+        turned = jnp.where(self._pressed(mode), mode + phases, mode - phases)
         if self.stop_speed is None:
-            return rests
+            return turned
         speed = self.plant.speed_of(time, state.plant)
         rim = self.plant.wheel.radius * state.plant.wheel_speed
         locked = LOCK_RATIO * speed - rim > self.stop_speed - speed
-        return jnp.where(slot == 0, jnp.where(locked, LOCKED, FINISHED), rests)
+        return jnp.where(slot == 0, jnp.where(locked, LOCKED, FINISHED), turned)
 
-    def switch(self, time, state: LoopState, mode, slot) -> tuple[LoopState, jax.Array]:
-        """State and mode after the controller's guard `slot` has fired."""
-        phase = self.phase(mode)
-        following = self.controller.next_mode(phase, slot)
+    def switch(self, signals: Signals, state: LoopState, mode, slot) -> tuple[LoopState, jax.Array]:
+        """State and mode after the controller's guard `slot` has fired on `signals`."""
+        time = signals.time
+        controller, following = self.controller.switch(signals, state.controller, self.phase(mode), slot)
         memory = state.memory
         first = memory.onset_time == 0
         cycles = following == self.controller.cycle_phase
@@ -155,23 +189,28 @@ class ClosedLoop:
                 cycles & ~first, jnp.maximum(memory.longest_cycle, time - memory.cycle_time), memory.longest_cycle
             ),
         )
-        return state._replace(memory=memory), following
+        return state._replace(controller=controller, memory=memory), following
 
     def flow(self, time, state: LoopState, mode) -> LoopState:
         """d(state)/dt."""
-        return self.driven(time, state, mode, self.command(self.signals(time, state), mode))
+        signals = self.signals(time, state)
+        slope = self.driven(time, state, mode, self.command(signals, state, mode))
+        if self.observer is None:
+            return slope
+        _, pressure_rate = jax.jvp(self.brake.pressure, (state.brake,), (slope.brake,))
+        observer = self.observer.flow(state.observer, signals.acceleration_offset, signals.vehicle_speed, pressure_rate)
+        return slope._replace(observer=observer)
 
     def guards(self, time, state: LoopState, mode):
         """The controller's slots, then the limits."""
         signals = self.signals(time, state)
-        return self.controller.guards(signals, self.phase(mode)) + self.limits(
-            time, state, mode, self.command(signals, mode)
-        )
+        own = self.controller.guards(signals, state.controller, self.phase(mode))
+        return own + self.limits(time, state, mode, self.command(signals, state, mode))
 
     def jump(self, time, state: LoopState, mode, slot):
-        """The controller switches, the manoeuvre ends, or the pressure comes to rest on a limit."""
+        """The controller switches, the manoeuvre ends, or the pressure comes to rest on a limit or leaves it."""
         slots = self.controller.slots
-        switched, phase = self.switch(time, state, mode, slot)
+        switched, phase = self.switch(self.signals(time, state), state, mode, slot)
         own = slot < slots
         return tree_where(own, switched, state), jnp.where(own, phase, self.meet_limit(time, state, mode, slot - slots))
 
@@ -182,6 +221,8 @@ class SampledState(NamedTuple):
     loop: LoopState
     rates: tuple[jax.Array, ...]
     """commanded rates on their way, newest first; the last one acts [bar/s]"""
+    sampled: tuple[jax.Array, Sample] | None
+    """time and values of the observer's last sample; None without an observer"""
 
 
 @model
@@ -190,51 +231,61 @@ class SampledLoop:
 
     Every `tick_every` grid steps the unit tests the guards on the measured signals, makes at most one
     switching, and holds the rate it commands until the next tick. `delay` ticks pass before a command
-    acts. The stop and the limits of the pressure stay located events of the plant.
+    acts. The stop and the limits of the pressure stay located events of the plant. The observer
+    advances from one measured sample to the next, in `substeps` Runge-Kutta steps.
     """
 
     loop: ClosedLoop = part("the loop")
     sensor: Any = part("`sensor.measure(time, signals)`; None measures without error", default=None)
     tick_every: int = 1
     delay: int = 0
+    substeps: int = 1
 
     def __post_init__(self):
-        if self.tick_every < 1 or self.delay < 0:
-            raise ValueError(f"tick_every = {self.tick_every} must be >= 1 and delay = {self.delay} >= 0")
+        for name, least in (("tick_every", 1), ("delay", 0), ("substeps", 1)):
+            if getattr(self, name) < least:
+                raise ValueError(f"SampledLoop.{name} = {getattr(self, name)} must be >= {least}")
 
     def at(self, speed) -> SampledState:
         """State of free rolling at `speed` [m/s], the first command given at once."""
-        state = self.loop.at(speed)
-        zero = 0.0 * speed
-        rate = self.loop.command(self._measured(zero, state), jnp.int32(0))
-        return SampledState(state, (rate,) + (rate,) * self.delay)
+        state, zero = self.loop.at(speed), 0.0 * speed
+        signals = self._measured(zero, state)
+        rate = self.loop.command(self.loop.told(signals, state), state, jnp.int32(0))
+        sampled = None if self.loop.observer is None else (zero, Sample.of(signals))
+        return SampledState(state, (rate,) * (self.delay + 1), sampled)
 
     def _measured(self, time, state: LoopState) -> Signals:
-        signals = self.loop.signals(time, state)
+        signals = self.loop.measured(time, state)
         return signals if self.sensor is None else self.sensor.measure(time, signals)
 
     def flow(self, time, state: SampledState, mode) -> SampledState:
         """d(state)/dt under the rate that acts."""
-        driven = self.loop.driven(time, state.loop, mode, state.rates[-1])
-        return SampledState(driven, (None,) * len(state.rates))
+        held = jax.tree.map(lambda _: None, state)
+        return held._replace(loop=self.loop.driven(time, state.loop, mode, state.rates[-1]))
 
     def guards(self, time, state: SampledState, mode):
         """The limits."""
         return self.loop.limits(time, state.loop, mode, state.rates[-1])
 
     def jump(self, time, state: SampledState, mode, slot):
-        """The manoeuvre ends, or the pressure comes to rest on a limit."""
+        """The manoeuvre ends, or the pressure comes to rest on a limit or leaves it."""
         return state, self.loop.meet_limit(time, state.loop, mode, slot)
 
     def tick(self, time, state: SampledState, mode):
         """One pass of the control unit."""
-        signals = self._measured(time, state.loop)
-        guards = self.loop.controller.guards(signals, self.loop.phase(mode))
+        signals, loop, sampled = self._measured(time, state.loop), state.loop, state.sampled
+        if sampled is not None:
+            then, before = sampled
+            sample = Sample.of(signals)
+            observed = advance(self.loop.observer, loop.observer, before, sample, time - then, self.substeps)
+            loop, sampled = loop._replace(observer=observed), (time, sample)
+        signals = self.loop.told(signals, loop)
+        guards = self.loop.controller.guards(signals, loop.controller, self.loop.phase(mode))
         fires, slot = jnp.zeros((), bool), jnp.zeros((), jnp.int32)
         for i, guard in enumerate(guards):
             slot = jnp.where((guard >= 0) & ~fires, i, slot)
             fires = fires | (guard >= 0)
-        switched, phase = self.loop.switch(time, state.loop, mode, slot)
-        loop, mode = tree_where(fires, switched, state.loop), jnp.where(fires, phase, mode)
-        rates = (self.loop.command(signals, mode),) + state.rates[:-1]
-        return SampledState(loop, rates), mode
+        switched, phase = self.loop.switch(signals, loop, mode, slot)
+        loop, mode = tree_where(fires, switched, loop), jnp.where(fires, phase, mode)
+        rates = (self.loop.command(signals, loop, mode),) + state.rates[:-1]
+        return SampledState(loop, rates, sampled), mode

@@ -17,7 +17,7 @@ from absjax._lanes import DIVERGED, Grid
 from absjax._scan import Plan, run_tile
 from absjax._tiles import over_tiles
 from absjax.hybrid import HybridSystem
-from absjax.parameters import lane_axes
+from absjax.parameters import concrete, lane_axes
 from absjax.recording import SwitchLog, Trajectory, collect
 
 SEGMENT = 64
@@ -155,7 +155,7 @@ def rollout(
     for name, (value, least) in least_of.items():
         if int(value) != value or value < least:
             raise ValueError(f"{name} = {value} must be an integer >= {least}")
-    if not isinstance(step, jax.core.Tracer) and not 0 < float(step) < np.inf:
+    if concrete(step) and not 0 < float(step) < np.inf:
         raise ValueError(f"step = {step} must be a positive number of seconds")
     if save_every > steps:
         raise ValueError(f"save_every = {save_every} exceeds steps = {steps}")

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from absjax._numerics import safe_divide
 from absjax.closed_loop import LOCKED, ClosedLoop, SampledLoop
 from absjax.engine import Rollout, Status, rollout
+from absjax.parameters import concrete
 from absjax.vehicle import GRAVITY
 
 
@@ -89,7 +90,7 @@ def stop(
         raise ValueError("ClosedLoop.stop_speed is None; a stop needs a speed at which it ends")
     if not 0 < horizon < math.inf:
         raise ValueError(f"horizon = {horizon} must be a positive number of seconds")
-    if not isinstance(speed, jax.core.Tracer) and not isinstance(base.stop_speed, jax.core.Tracer):
+    if concrete(speed) and concrete(base.stop_speed):
         if not bool(jnp.all(jnp.isfinite(speed) & (jnp.asarray(speed) > base.stop_speed))):
             raise ValueError(f"speed = {speed} must be finite and above the stop speed {base.stop_speed} m/s")
     speed = jnp.asarray(speed, jnp.result_type(float) if not hasattr(speed, "dtype") else speed.dtype)

@@ -63,8 +63,13 @@ def parameter(
     )
 
 
+def concrete(value: Any) -> bool:
+    """Whether `value` is known, not traced by a transformation: only then can it be checked."""
+    return not isinstance(value, jax.core.Tracer)
+
+
 def _check(owner: str, field: dataclasses.Field, value: Any) -> None:
-    if value is None or isinstance(value, jax.core.Tracer) or (not jnp.isscalar(value) and not hasattr(value, "dtype")):
+    if value is None or not concrete(value) or (not jnp.isscalar(value) and not hasattr(value, "dtype")):
         return
     bounds: Bounds = field.metadata["bounds"]
     try:

@@ -28,6 +28,12 @@ class Signals(NamedTuple):
     """x2 = R w' - v' [m/s^2]"""
     radius: jax.Array
     """R [m], which a controller knows"""
+    pressure: jax.Array
+    """Pb at the wheel [bar]"""
+    stiffness: jax.Array
+    """XBS = mu'(lambda): the true one of a plant, the estimate where a loop has an observer"""
+    time: jax.Array
+    """of a clock that starts with the manoeuvre [s]"""
 
 
 @model
@@ -43,6 +49,16 @@ class Wheel:
     def mass(self):
         """m = Fz / g [kg]."""
         return self.load / GRAVITY
+
+    @property
+    def slip_gain(self):
+        """a = R^2 Fz / J [m/s^2], of x2' = -(a mu' / v) x2 - b Pb'."""
+        return self.radius**2 * self.load / self.inertia
+
+    @property
+    def pressure_gain(self):
+        """b = R gamma_b / J [m/(s^2 bar)], likewise."""
+        return self.radius * self.brake_efficiency / self.inertia
 
     def acceleration(self, force, pressure):
         """w' = (-R Fx - gamma_b Pb) / J [rad/s^2] from tyre force [N] and brake pressure [bar]."""
@@ -109,7 +125,9 @@ class QuarterCar:
         """Signals of the true state."""
         slope = self.flow(time, state, pressure)
         offset = self.wheel.radius * slope.wheel_speed - slope.speed
-        return Signals(state.speed, state.wheel_speed, offset, self.wheel.radius)
+        slip = self.wheel.slip(state.wheel_speed, state.speed)
+        stiffness = self.road.stiffness(slip, time, state.distance)
+        return Signals(state.speed, state.wheel_speed, offset, self.wheel.radius, pressure, stiffness, time)
 
     def speed_of(self, time, state: CarState):
         """v [m/s]."""
@@ -163,7 +181,9 @@ class TestRig:
         """Signals of the true state."""
         slope = self.flow(time, state, pressure)
         offset = self.wheel.radius * slope.wheel_speed - self.acceleration
-        return Signals(self.speed_of(time), state.wheel_speed, offset, self.wheel.radius)
+        speed = self.speed_of(time)
+        stiffness = self.road.stiffness(self.wheel.slip(state.wheel_speed, speed), time, self.position(time))
+        return Signals(speed, state.wheel_speed, offset, self.wheel.radius, pressure, stiffness, time)
 
     def at(self, speed) -> RigState:
         """State of free rolling at drum speed `speed` [m/s]."""

@@ -16,7 +16,8 @@ from absjax.parameters import model, parameter, part
 from absjax.tyre import Burckhardt
 from absjax.vehicle import GRAVITY
 from tuning import published
-from tuning.config import ConfigError, TuningConfig, tyre_of
+from tuning.config import TuningConfig
+from tuning.entries import ConfigError, tyre_of
 
 CHUNK = 64
 """Parameter sets that are rolled out together when only distances are wanted: one shape, compiled once."""

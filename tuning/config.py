@@ -11,18 +11,13 @@ from absjax.actuator import Brake
 from absjax.closed_loop import ClosedLoop
 from absjax.control.five_phase import FivePhase
 from absjax.parameters import bounds_of, trainable_names
-from absjax.road import SURFACES, UniformRoad, surface
+from absjax.road import SURFACES, UniformRoad
 from absjax.tyre import Burckhardt
 from absjax.vehicle import QuarterCar, Wheel
 from tuning import published
+from tuning.entries import ConfigError, choice, from_json, require, tyre_of
 
 CONTROLLERS: dict[str, type[FivePhase]] = {"five_phase": FivePhase}
-LEAST_FRICTION = 0.01
-"""Peak friction below which a road is taken for a mistake; ice has 0.05."""
-
-
-class ConfigError(ValueError):
-    """A configuration that cannot be used; the message names the entry."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -82,30 +77,30 @@ class TuningConfig:
     refinements: int = 4
 
     def __post_init__(self):
-        _choice("controller", self.controller, CONTROLLERS)
-        _choice("objective", self.objective, ("worst", "mean"))
-        _choice("reference", self.reference, ("ideal", "published"))
-        _require("refinements", self.refinements, self.refinements >= 0, "an integer >= 0")
+        choice("controller", self.controller, CONTROLLERS)
+        choice("objective", self.objective, ("worst", "mean"))
+        choice("reference", self.reference, ("ideal", "published"))
+        require("refinements", self.refinements, self.refinements >= 0, "an integer >= 0")
         for name in ("starts", "iterations"):
-            _require(name, getattr(self, name), getattr(self, name) >= 1, "an integer >= 1")
-        _require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
+            require(name, getattr(self, name), getattr(self, name) >= 1, "an integer >= 1")
+        require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
         for name in ("step", "sampled_period", "learning_rate", "driver_pressure", "stop_speed_kmh", "longest_cycle"):
-            _require(name, getattr(self, name), 0 < getattr(self, name) < math.inf, "positive")
-        _require("threshold_floor", self.threshold_floor, self.threshold_floor >= 0, ">= 0")
+            require(name, getattr(self, name), 0 < getattr(self, name) < math.inf, "positive")
+        require("threshold_floor", self.threshold_floor, self.threshold_floor >= 0, ">= 0")
         ratio = self.sampled_period / self.step
         whole = min(abs(ratio - round(ratio)), abs(1 / ratio - round(1 / ratio)))
-        _require("sampled_period", self.sampled_period, whole < 1e-9, "a multiple of step, or step of it")
-        _require("roads", self.roads, len(self.roads) > 0, "one road at least")
-        _require("speeds_kmh", self.speeds_kmh, len(self.speeds_kmh) > 0, "one speed at least")
+        require("sampled_period", self.sampled_period, whole < 1e-9, "a multiple of step, or step of it")
+        require("roads", self.roads, len(self.roads) > 0, "one road at least")
+        require("speeds_kmh", self.speeds_kmh, len(self.speeds_kmh) > 0, "one speed at least")
         for speed in self.speeds_kmh:
-            _require("speeds_kmh", speed, self.stop_speed_kmh < speed <= 500, "above stop_speed_kmh and at most 500")
+            require("speeds_kmh", speed, self.stop_speed_kmh < speed <= 500, "above stop_speed_kmh and at most 500")
         fields = bounds_of(CONTROLLERS[self.controller])
         for entry, names in (("start", self.start), ("limits", self.limits), *(("known", k) for k in self.known)):
             for name in names:
-                _choice(entry, name, fields)
-        _require("starts", self.starts, self.starts > len(self.known), "more than the known sets")
+                choice(entry, name, fields)
+        require("starts", self.starts, self.starts > len(self.known), "more than the known sets")
         for name in self.tune:
-            _choice("tune", name, fields)
+            choice("tune", name, fields)
         for road in self.roads:
             tyre_of(road)
         self.base_controller()
@@ -118,14 +113,7 @@ class TuningConfig:
         Raises:
             ConfigError: naming the entry that is unknown, of the wrong kind or out of range.
         """
-        if not isinstance(data, Mapping):
-            raise ConfigError(f"a configuration is a dictionary, not {type(data).__name__}")
-        known = {field.name: field for field in dataclasses.fields(cls)}
-        values = {}
-        for name, value in data.items():
-            _choice("configuration", name, known)
-            values[name] = _converted(name, value, known[name].type)
-        return cls(**values)
+        return from_json(cls, data)
 
     def to_json(self) -> dict[str, Any]:
         """A plain dictionary that `from_json` reads back."""
@@ -164,62 +152,7 @@ class TuningConfig:
             lowest = max(own[name].low, floor, 0.05 * float(getattr(base, name)) if not floor else 0.0)
             highest = min(own[name].high, max(5 * float(getattr(base, name)), lowest))
             lowest, highest = self.limits.get(name, (lowest, highest))
-            _require(f"limits.{name}", (lowest, highest), 0 < lowest <= highest, "(low, high) with 0 < low <= high")
+            require(f"limits.{name}", (lowest, highest), 0 < lowest <= highest, "(low, high) with 0 < low <= high")
             low.append(lowest)
             high.append(highest)
         return names, np.asarray(low), np.asarray(high)
-
-
-def _choice(entry: str, value: Any, allowed) -> None:
-    if value not in allowed:
-        raise ConfigError(f"{entry}: {value!r} is unknown; there are {', '.join(allowed)}")
-
-
-def _require(entry: str, value: Any, holds: bool, what: str) -> None:
-    if not holds:
-        raise ConfigError(f"{entry} = {value} must be {what}")
-
-
-def _converted(name: str, value: Any, kind: Any) -> Any:
-    try:
-        if kind is int:
-            if isinstance(value, bool) or int(value) != value:
-                raise ValueError
-            return int(value)
-        if kind is float or kind == float | None:
-            if isinstance(value, bool):
-                raise ValueError
-            return None if value is None and kind is not float else float(value)
-        if kind is str:
-            if not isinstance(value, str):
-                raise ValueError
-            return value
-        if name == "speeds_kmh":
-            return tuple(float(v) for v in value)
-        if name == "known":
-            return tuple({k: float(v) for k, v in dict(item).items()} for item in value)
-        if name in ("roads", "tune"):
-            if isinstance(value, str):
-                raise ValueError
-            return tuple(tuple(v) if isinstance(v, list) else v for v in value)
-        if name == "limits":
-            return {k: (float(low), float(high)) for k, (low, high) in dict(value).items()}
-        return {k: float(v) for k, v in dict(value).items()}
-    except (TypeError, ValueError):
-        raise ConfigError(f"{name} = {value!r} is not of the kind this entry takes") from None
-
-
-def tyre_of(road: Any) -> Burckhardt:
-    """The tyre curve of a road given by name or by coefficients.
-
-    Raises:
-        ConfigError: if the name is unknown, or the coefficients are not admissible.
-    """
-    try:
-        tyre = surface(road) if isinstance(road, str) else Burckhardt(*road)
-    except (ValueError, TypeError) as error:
-        raise ConfigError(f"roads: {error}") from None
-    peak = float(tyre.peak().friction)
-    if peak < LEAST_FRICTION:
-        raise ConfigError(f"roads: c = {tuple(road)} has a peak friction of {peak:g}; {LEAST_FRICTION} at least")
-    return tyre

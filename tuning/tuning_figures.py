@@ -7,7 +7,8 @@ import numpy as np
 
 from absjax.manoeuvre import stop
 from absjax.plots import phase_plane
-from tuning.config import TuningConfig, tyre_of
+from tuning.config import TuningConfig
+from tuning.entries import tyre_of
 from tuning.figures import save
 from tuning.tune_abs import TuningResult
 

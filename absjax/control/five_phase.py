@@ -55,12 +55,16 @@ class FivePhase:
     ramp: Number = parameter("driver's ramp as a multiple of the slow apply", default=3.0, low=0.0, open_low=True)
     fallback: Number = parameter("share of eps1 through which phase 2 falls back", default=0.9, low=0.0, high=1.0)
 
-    def rate(self, signals: Signals, mode):
+    def at(self, signals: Signals) -> tuple[()]:
+        """Nothing is kept."""
+        return ()
+
+    def rate(self, signals: Signals, kept, mode):
         """Commanded dPb/dt [bar/s]."""
         strength = _by_phase(mode, (self.ramp * self.u4, -self.u1, 0.0, self.u3, self.u4, 0.0))
         return strength / (signals.radius * signals.wheel_speed)
 
-    def guards(self, signals: Signals, mode):
+    def guards(self, signals: Signals, kept, mode):
         """Slot 0: the threshold that leads on; slot 1: the fall-back of phase 2."""
         x2 = signals.acceleration_offset
         rising = (mode == 1) | (mode == 2)
@@ -68,7 +72,7 @@ class FivePhase:
         onward = jnp.where(rising, x2 - threshold, threshold - x2)
         return onward, jnp.where(mode == 2, self.fallback * self.eps1 - x2, -1.0)
 
-    def next_mode(self, mode, slot):
+    def switch(self, signals: Signals, kept, mode, slot):
         """Phase after the guard of `slot` has fired."""
         following = jnp.where(mode == 5, 1, mode + 1)
-        return jnp.where((mode == 2) & (slot == 1), 4, following)
+        return kept, jnp.where((mode == 2) & (slot == 1), 4, following)

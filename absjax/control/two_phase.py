@@ -1,0 +1,66 @@
+"""The two-phase anti-lock algorithm on XBS.
+
+| phase | z1* | leaves when |
+|---|---|---|
+| 0 apply | -zref | XBS <= chi_a -> 1 |
+| 1 release | +zref | XBS >= chi_b -> 0 |
+
+    u = (1/b) [-(a/v) z1 z2 + (kp/v) (z1 - z1*)],  hence  z1' = -(kp/v) (z1 - z1*)
+
+with z1 the wheel acceleration offset and z2 = XBS, true or estimated.
+Source: Aguado-Rojas 2019, section 4.2.
+"""
+
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+
+from absjax.parameters import model, parameter, part
+from absjax.vehicle import Signals, Wheel
+
+
+@model
+class TwoPhase:
+    """Thresholds on XBS, and the acceleration offset followed between them.
+
+    Raises:
+        ValueError: at construction, unless chi_a < chi_b.
+    """
+
+    phases: ClassVar[tuple[str, ...]] = ("apply", "release")
+    slots: ClassVar[int] = 1
+    cycle_phase: ClassVar[int] = 1
+    """the phase whose entry counts a cycle"""
+    thresholds: ClassVar[tuple[str, ...]] = ("zref",)
+    """the fields that noise of the measured acceleration keeps from being small"""
+
+    wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
+    zref: Any = parameter(
+        "zref, acceleration offset to follow, m/s^2", default=20.0, low=0.0, open_low=True, trainable=True
+    )
+    gain: Any = parameter("kp, tracking gain, m/s", default=500.0, low=0.0, open_low=True, trainable=True)
+    chi_a: Any = parameter("chi_a, XBS that ends the apply; above -c3, or it never ends", default=-0.1, trainable=True)
+    chi_b: Any = parameter("chi_b, XBS that ends the release", default=1.0, trainable=True)
+
+    def __post_init__(self):
+        if not bool(jnp.all(jnp.asarray(self.chi_a) < jnp.asarray(self.chi_b))):
+            raise ValueError(f"TwoPhase.chi_a = {self.chi_a} must be below chi_b = {self.chi_b}")
+
+    def at(self, signals: Signals) -> tuple[()]:
+        """Nothing is kept."""
+        return ()
+
+    def rate(self, signals: Signals, kept, mode):
+        """Commanded dPb/dt [bar/s]."""
+        offset = signals.acceleration_offset
+        target = jnp.where(mode == 0, -self.zref, self.zref)
+        pull = self.gain * (offset - target) - self.wheel.slip_gain * offset * signals.stiffness
+        return pull / (signals.vehicle_speed * self.wheel.pressure_gain)
+
+    def guards(self, signals: Signals, kept, mode):
+        """The threshold that leads on."""
+        return (jnp.where(mode == 0, self.chi_a - signals.stiffness, signals.stiffness - self.chi_b),)
+
+    def switch(self, signals: Signals, kept, mode, slot):
+        """The other phase."""
+        return kept, 1 - mode

@@ -1,0 +1,39 @@
+"""An estimate kept to the physical range of XBS."""
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from absjax.parameters import model, parameter, part
+
+
+@model
+class Clamped:
+    """An observer whose estimate is clamped to [low, high]; its state is left alone.
+
+    On a Burckhardt road XBS lies in (-c3, c1 c2 - c3]; the defaults span the published surfaces.
+    """
+
+    observer: Any = part("the observer")
+    low: Any = parameter("smallest XBS", default=-0.9)
+    high: Any = parameter("largest XBS", default=35.0)
+
+    def __post_init__(self):
+        if not bool(jnp.all(jnp.asarray(self.low) < jnp.asarray(self.high))):
+            raise ValueError(f"Clamped.low = {self.low} must be below Clamped.high = {self.high}")
+
+    def at(self, y):
+        """State before anything is known."""
+        return self.observer.at(y)
+
+    def flow(self, state, y, speed, rate):
+        """d(state)/dt."""
+        return self.observer.flow(state, y, speed, rate)
+
+    def stiffness(self, state, y):
+        """Estimated XBS, clamped."""
+        return jnp.clip(self.observer.stiffness(state, y), self.low, self.high)
+
+    def fastest_rate(self, state, y, speed):
+        """Fastest rate of the error dynamics [1/s]."""
+        return self.observer.fastest_rate(state, y, speed)

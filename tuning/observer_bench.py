@@ -1,0 +1,145 @@
+"""Runs on which observer gains are judged: settling after road changes, noise, and the size of the step."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from absjax.observe.sampled import STABLE, Sample, observe
+from absjax.parameters import model, parameter, part
+from absjax.vehicle import Wheel
+from tuning.entries import tyre_of
+from tuning.observer_config import ObserverConfig, random_surfaces
+from tuning.observer_metrics import TOLERANCE
+from tuning.observers import KINDS
+from tuning.scenarios import Scenarios, concatenate, simulate
+
+SHARPNESS = 20.0
+"""Of the smooth maximum of settling times, 1/s."""
+STEP_CHARGE = 1.0
+"""Added to the cost, in s, for every unit by which step times rate exceeds `STEP_SHARE` of the stable one."""
+STEP_SHARE = 0.7
+NOISE_WINDOW = 0.3
+"""Last part of each road over which noise is measured, s."""
+LARGEST_ERROR = 1e3
+"""Error of XBS at which a run that diverges is counted."""
+
+
+class Judgement(NamedTuple):
+    """What a parameter set is worth."""
+
+    smooth: Any
+    """smooth worst settling time, s"""
+    settling: Any
+    """settling times, s, (runs, roads)"""
+    noise: Any
+    """rms of the estimate's noise, (runs, roads)"""
+    stepping: Any
+    """by how much step times rate exceeds its share of the stable one"""
+
+    def cost(self, noise_weight, exact: bool = False):
+        """Worst settling, smooth or `exact`, + noise_weight * mean noise + what too large a step is charged."""
+        worst = self.settling.max() if exact else self.smooth
+        return worst + noise_weight * self.noise.mean() + STEP_CHARGE * self.stepping
+
+
+def _bounded(error):
+    return jnp.where(jnp.isfinite(error), jnp.clip(error, -LARGEST_ERROR, LARGEST_ERROR), LARGEST_ERROR)
+
+
+@model
+class Bench:
+    """Runs an observer is judged on, as arrays (runs, samples), and the roads on them (runs, roads)."""
+
+    samples: Sample = part("without noise")
+    noise: Any = parameter("noise on y, m/s^2, shape (runs, samples)", ndim=2)
+    stiffness: Any = parameter("true XBS, shape (runs, samples)", ndim=2)
+    begins: Any = parameter("s, shape (runs, roads)", ndim=2)
+    ends: Any = parameter("s, shape (runs, roads)", ndim=2)
+    wheel: Wheel = part("as the observer knows it")
+    period: Any = parameter("of the samples, s", low=0.0, open_low=True)
+    kind: str = "adaptive"
+    substeps: int = 1
+
+    def estimates(self, values: Mapping[str, Any]):
+        """Estimated XBS without and with noise, (runs, samples) each, and the largest step times rate."""
+        observer = KINDS[self.kind].build(self.wheel, values)
+
+        def of_run(samples, noise):
+            noisy = samples._replace(y=samples.y + noise)
+            runs = [observe(observer, s, self.period, substeps=self.substeps) for s in (samples, noisy)]
+            return runs[0].stiffness, runs[1].stiffness, jnp.maximum(runs[0].stepping, runs[1].stepping)
+
+        return jax.vmap(of_run)(self.samples, self.noise)
+
+    def _on_road(self):
+        """Time since each road began, and whether a sample lies on it, (runs, roads, samples)."""
+        time = self.period * jnp.arange(self.stiffness.shape[1])
+        since = time - self.begins[..., None]
+        return since, (since >= 0) & (time < self.ends[..., None])
+
+    def judge(self, values: Mapping[str, Any]) -> Judgement:
+        """What one parameter set is worth.
+
+        The smooth settling time of a road is the cube root of 3 int t^2 o(t) dt, with o the share to which
+        |error| exceeds 1, e^4 / (1 + e^4): it is T for an error that is large until T and small from then on.
+        """
+        clean, noisy, stepping = self.estimates(values)
+        since, on_road = self._on_road()
+        error = _bounded(clean - self.stiffness)[:, None, :]
+        fourth = (error / TOLERANCE) ** 4
+        moment = 3 * self.period * jnp.sum(jnp.where(on_road, fourth / (1 + fourth) * since**2, 0.0), axis=-1)
+        smooth = jnp.cbrt(moment + 1e-9)
+        last = jnp.where(on_road & (jnp.abs(error) > TOLERANCE), since, 0.0).max(axis=-1)
+        late = on_road & (since > (self.ends - self.begins)[..., None] - NOISE_WINDOW)
+        square = _bounded(noisy - clean)[:, None, :] ** 2
+        noise = jnp.sqrt(jnp.sum(jnp.where(late, square, 0.0), axis=-1) / jnp.sum(late, axis=-1) + 1e-12)
+        excess = jax.nn.relu(jnp.max(_bounded(stepping)) / STABLE - STEP_SHARE)
+        return Judgement(jax.nn.logsumexp(SHARPNESS * smooth) / SHARPNESS, last, noise, excess)
+
+
+def training_runs(config: ObserverConfig) -> Scenarios:
+    """The runs a configuration asks for: half under the five-phase, half under the two-phase controller."""
+    rng = np.random.default_rng(config.seed)
+    roads = [tyre_of(road) for road in config.roads]
+    halves = []
+    for excitation, runs in (("five_phase", config.runs - config.runs // 2), ("two_phase", config.runs // 2)):
+        if not runs:
+            continue
+        if roads:
+            surfaces = [[roads[i] for i in rng.choice(len(roads), 2, replace=False)] for _ in range(runs)]
+        else:
+            drawn = random_surfaces(rng, 2 * runs)
+            surfaces = [drawn[2 * i : 2 * i + 2] for i in range(runs)]
+        changes = config.duration * rng.uniform(0.4, 0.5, runs)
+        halves.append(
+            simulate(
+                surfaces,
+                changes,
+                speed=rng.uniform(*config.speeds, runs),
+                deceleration=config.deceleration,
+                excitation=excitation,
+                duration=config.duration,
+                period=config.period,
+                wheel=config.car(),
+            )
+        )
+    return concatenate(halves)
+
+
+def bench_of(config: ObserverConfig, runs: Scenarios) -> Bench:
+    """Runs as a bench for the configured observer, with the configured noise."""
+    noise = config.noise * np.random.default_rng(config.seed + 1).normal(size=runs.stiffness.shape)
+    return Bench(
+        runs.samples,
+        noise,
+        runs.stiffness,
+        runs.begins,
+        runs.ends,
+        runs.wheel,
+        runs.period,
+        kind=config.observer,
+        substeps=config.steps_per_sample,
+    )

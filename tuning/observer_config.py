@@ -1,0 +1,138 @@
+"""What observer to tune, on which simulated runs, against what noise."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from absjax.tyre import Burckhardt
+from absjax.vehicle import Wheel
+from tuning.entries import ConfigError, choice, from_json, require, tyre_of
+from tuning.observers import KINDS, Kind
+
+
+@dataclasses.dataclass(frozen=True)
+class ObserverConfig:
+    """What to tune, on what. JSON keys are the names of the fields.
+
+    Attributes:
+        observer: name of the observer, in `tuning.observers.KINDS`.
+        start: parameters to start from; the published ones where not given.
+        tune: names of the parameters to tune; all when empty.
+        limits: (low, high) by parameter.
+        wheel: fields of `absjax.vehicle.Wheel`.
+        roads: surfaces to change between, by name or (c1, c2, c3); when empty they are drawn at random over
+            the range of the published ones (`random_surfaces`), so that no published road is tuned on.
+        runs: number of runs, half of them under either controller.
+        speeds: range the initial speeds are drawn from [m/s].
+        deceleration: imposed [m/s^2].
+        duration: of a run [s]; the road changes once, near the middle.
+        noise: standard deviation of the white noise on y [m/s^2], sample by sample.
+        noise_weight: settling time that 1 of XBS noise is worth [s].
+        period: of the samples [s]; substeps: Runge-Kutta steps per sample, None for what the published
+            parameters need.
+        starts, scatter: descents run together, and the spread of the logarithms of all but the first.
+        iterations, learning_rate, seed: of the descent (Adam on the logarithms, cosine decay).
+        refinements: rounds of random search around the winner, on the worst settling itself.
+    """
+
+    observer: str = "adaptive"
+    start: dict[str, float] = dataclasses.field(default_factory=dict)
+    tune: tuple[str, ...] = ()
+    limits: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+    wheel: dict[str, float] = dataclasses.field(default_factory=dict)
+    roads: tuple[Any, ...] = ()
+    runs: int = 24
+    speeds: tuple[float, ...] = (12.0, 30.0)
+    deceleration: float = 1.96
+    duration: float = 2.0
+    noise: float = 0.5
+    noise_weight: float = 0.2
+    period: float = 1e-3
+    substeps: int | None = None
+    starts: int = 6
+    scatter: float = 0.5
+    iterations: int = 40
+    learning_rate: float = 0.08
+    seed: int = 0
+    refinements: int = 4
+
+    def __post_init__(self):
+        choice("observer", self.observer, KINDS)
+        for entry, names in (("start", self.start), ("tune", self.tune), ("limits", self.limits)):
+            for name in names:
+                choice(entry, name, self.kind.published)
+        for name in ("runs", "starts", "iterations"):
+            require(name, getattr(self, name), getattr(self, name) >= 1, "an integer >= 1")
+        require("refinements", self.refinements, self.refinements >= 0, "an integer >= 0")
+        require("substeps", self.substeps, self.substeps is None or self.substeps >= 1, "an integer >= 1, or null")
+        for name in ("duration", "period", "learning_rate", "scatter"):
+            require(name, getattr(self, name), 0 < getattr(self, name) < math.inf, "positive")
+        for name in ("noise", "noise_weight", "deceleration"):
+            require(name, getattr(self, name), 0 <= getattr(self, name) < math.inf, ">= 0")
+        low, high = self.speeds if len(self.speeds) == 2 else (0.0, -1.0)
+        require("speeds", self.speeds, 0 < low <= high, "(lowest, highest)")
+        least = self.deceleration * self.duration + 3.0
+        require("speeds", self.speeds, low > least, f"above {least:g} m/s, so that runs end above 3 m/s")
+        require("roads", self.roads, len(self.roads) != 1, "empty, or two at least")
+        for road in self.roads:
+            tyre_of(road)
+        self.box()
+        self.car()
+
+    @property
+    def kind(self) -> Kind:
+        """The observer to tune."""
+        return KINDS[self.observer]
+
+    @property
+    def steps_per_sample(self) -> int:
+        """Runge-Kutta steps per sample."""
+        return self.substeps or max(1, math.ceil(self.kind.substeps * self.period / 1e-3))
+
+    def initial(self) -> dict[str, float]:
+        """Parameters the descent starts from."""
+        return {**self.kind.published, **self.start}
+
+    def car(self) -> Wheel:
+        """The wheel."""
+        try:
+            return Wheel(**self.wheel)
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"wheel: {error}") from None
+
+    def box(self) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
+        """Names of the tuned parameters and their limits."""
+        names = self.tune or tuple(self.kind.published)
+        pairs = [self.limits.get(name, (self.kind.low[name], self.kind.high[name])) for name in names]
+        for name, (low, high) in zip(names, pairs):
+            require(f"limits.{name}", (low, high), 0 < low <= high < math.inf, "(low, high) with 0 < low <= high")
+            require(
+                f"start.{name}", self.initial()[name], low <= self.initial()[name] <= high, f"in [{low:g}, {high:g}]"
+            )
+        return names, np.array([low for low, _ in pairs]), np.array([high for _, high in pairs])
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "ObserverConfig":
+        """Build from a dictionary as JSON gives it.
+
+        Raises:
+            ConfigError: naming the entry that is unknown, of the wrong kind or out of range.
+        """
+        return from_json(cls, data)
+
+    def to_json(self) -> dict[str, Any]:
+        """A plain dictionary that `from_json` reads back."""
+        return dataclasses.asdict(self)
+
+
+def random_surfaces(rng: np.random.Generator, count: int) -> list[Burckhardt]:
+    """Surfaces that span the published ones: peak slips and friction from cobblestones to snow.
+
+    c1 is uniform in [0.2, 1.4], c2 log-uniform in [6, 95], c3 / c1 uniform in [0.3, 0.5].
+    """
+    c1, c2 = rng.uniform(0.2, 1.4, count), np.exp(rng.uniform(np.log(6.0), np.log(95.0), count))
+    c3 = c1 * rng.uniform(0.3, 0.5, count)
+    return [Burckhardt(float(a), float(b), float(c)) for a, b, c in zip(c1, c2, c3)]

@@ -1,0 +1,182 @@
+"""Observer gains tuned by gradient descent over simulated road changes.
+
+Every start is a parameter set; all sets run over all runs at once and descend together, on the cost of
+`tuning.observer_bench`: the smooth worst settling time over runs and roads, plus noise_weight times the
+mean noise of the estimate. The winner is chosen, and refined by random search, by the worst settling time
+itself. Parameters move on a logarithmic scale; every iterate is stable by construction
+(`tuning.observers`), and steps too large for the gains are charged.
+"""
+
+import dataclasses
+import math
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+
+from absjax.observe.certificate import certify
+from tuning.observer_bench import Bench, Judgement, bench_of, training_runs
+from tuning.observer_config import ObserverConfig
+from tuning.version import VERSION
+
+CANDIDATES = 32
+"""Sets tried in a round of random search."""
+WIDEST_SEARCH, NARROWING = 0.15, 0.7
+"""Standard deviation of the first round on the logarithms, and its factor from one to the next."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ObserverResult:
+    """A tuned observer. `to_json` and `from_json` are each other's inverse."""
+
+    parameters: dict[str, float]
+    gains: dict[str, list[float]]
+    """K+ and K-, and G of the adaptive observer"""
+    certificate: dict[str, Any]
+    before: dict[str, float]
+    """worst and mean settling [s] and mean noise on the runs tuned on, with the start's parameters"""
+    after: dict[str, float]
+    history: list[list[float]]
+    """cost of each start, by iteration"""
+    config: ObserverConfig
+    version: str = VERSION
+
+    def observer(self):
+        """The tuned observer."""
+        return self.config.kind.build(self.config.car(), self.parameters)
+
+    def to_json(self) -> dict[str, Any]:
+        """A plain dictionary."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "ObserverResult":
+        """Read back what `to_json` gave."""
+        return cls(**{**data, "config": ObserverConfig.from_json(data["config"])})
+
+
+def tune_observer(
+    config: ObserverConfig, *, progress: Callable[[int, int, float], None] = lambda i, n, cost: None
+) -> ObserverResult:
+    """Tune an observer as the configuration says.
+
+    Args:
+        config: what to tune.
+        progress: called with iteration, iterations and the best cost so far.
+    """
+    bench = bench_of(config, training_runs(config))
+    names, low, high = config.box()
+    box = np.log(low), np.log(high)
+    first = np.log([config.initial()[name] for name in names])
+    scatter = config.scatter * np.random.default_rng(config.seed).normal(size=(config.starts - 1, len(names)))
+    starts = np.clip(np.concatenate([first[None], first + scatter]), *box)
+    weights = np.full(len(starts), config.noise_weight)
+    ends, history = descend(config, bench, starts, weights, progress)
+    chosen = _refined(config, bench, np.concatenate([ends, first[None]]), box)
+    parameters = {**config.initial(), **{name: float(value) for name, value in zip(names, np.exp(chosen))}}
+    judged = judge(config, bench, np.stack([first, chosen]))
+    before, after = (_summary(jax.tree.map(lambda x, i=i: x[i], judged)) for i in (0, 1))
+    observer = config.kind.build(config.car(), parameters)
+    fields = ("plus", "minus", "adaptation")
+    gains = {f: np.asarray(getattr(observer, f)).tolist() for f in fields if hasattr(observer, f)}
+    return ObserverResult(parameters, gains, certify(observer).to_json(), before, after, history, config)
+
+
+def descend(
+    config: ObserverConfig,
+    bench: Bench,
+    starts: np.ndarray,
+    noise_weights: np.ndarray,
+    progress: Callable[[int, int, float], None] = lambda i, n, cost: None,
+) -> tuple[np.ndarray, list[list[float]]]:
+    """Run the descents, each with a noise weight of its own.
+
+    Args:
+        starts: logarithms of the tuned parameters, (sets, parameters).
+        noise_weights: (sets,).
+
+    Returns:
+        The best point of every descent, (sets, parameters), and the costs by iteration.
+    """
+    names, low, high = config.box()
+    box, fixed = (np.log(low), np.log(high)), config.initial()
+    logs = jnp.asarray(starts)
+    moments = jax.vmap(_ADAM.init)(logs)
+    best, best_logs, history = np.full(len(starts), np.inf), np.array(starts), []
+    for iteration in range(config.iterations):
+        before = np.asarray(logs)
+        rate = config.learning_rate * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * iteration / config.iterations)))
+        logs, moments, costs = _descend(bench, logs, moments, rate, noise_weights, names, fixed, box)
+        costs = np.asarray(costs)
+        better = costs < best
+        best, best_logs = np.where(better, costs, best), np.where(better[:, None], before, best_logs)
+        history.append([float(c) for c in costs])
+        progress(iteration + 1, config.iterations, float(best.min()))
+    return best_logs, history
+
+
+_ADAM = optax.chain(optax.zero_nans(), optax.clip_by_global_norm(1.0), optax.scale_by_adam())
+
+
+@partial(jax.jit, static_argnames="names")
+def _descend(bench: Bench, logs, moments, rate, noise_weights, names, fixed, box):
+    def one(logs, moments, weight):
+        def cost(logs):
+            return bench.judge({**fixed, **dict(zip(names, jnp.exp(logs)))}).cost(weight)
+
+        value, gradient = jax.value_and_grad(cost)(logs)
+        updates, moments = _ADAM.update(gradient, moments)
+        return jnp.clip(logs - rate * updates, *box), moments, value
+
+    return jax.vmap(one)(logs, moments, noise_weights)
+
+
+def judge(config: ObserverConfig, bench: Bench, logs: np.ndarray) -> Judgement:
+    """What parameter sets are worth; leaves (sets, ...).
+
+    Args:
+        logs: logarithms of the tuned parameters, (sets, parameters).
+    """
+    names, *_ = config.box()
+    judged = _judged(bench, jnp.asarray(logs), names, config.initial())
+    return jax.tree.map(np.asarray, judged)
+
+
+@partial(jax.jit, static_argnames="names")
+def _judged(bench: Bench, logs, names, fixed):
+    return jax.vmap(lambda logs: bench.judge({**fixed, **dict(zip(names, jnp.exp(logs)))}))(logs)
+
+
+def exact_costs(config: ObserverConfig, bench: Bench, logs: np.ndarray) -> np.ndarray:
+    """Cost of parameter sets by the worst settling time itself, (sets,)."""
+    judged = judge(config, bench, logs)
+    return np.array(
+        [jax.tree.map(lambda x, i=i: x[i], judged).cost(config.noise_weight, exact=True) for i in range(len(logs))]
+    )
+
+
+def _refined(config: ObserverConfig, bench: Bench, logs: np.ndarray, box) -> np.ndarray:
+    """The best of the descents' ends and the start, and what random search around it finds."""
+    rng = np.random.default_rng(config.seed + 2)
+    logs = np.resize(logs, (CANDIDATES, logs.shape[1]))
+    costs = exact_costs(config, bench, logs)
+    best, cost = logs[np.argmin(costs)], float(costs.min())
+    for round_ in range(config.refinements):
+        spread = WIDEST_SEARCH * NARROWING**round_
+        nearby = np.clip(best + rng.normal(size=logs.shape) * spread, *box)
+        costs = exact_costs(config, bench, nearby)
+        if costs.min() < cost:
+            best, cost = nearby[np.argmin(costs)], float(costs.min())
+    return best
+
+
+def _summary(judgement: Judgement) -> dict[str, float]:
+    return {
+        "worst_settling": float(judgement.settling.max()),
+        "mean_settling": float(judgement.settling.mean()),
+        "mean_noise": float(judgement.noise.mean()),
+    }
