@@ -40,3 +40,9 @@ def read_car(path: Path) -> Wheel:
         ValueError: if the file is missing, not JSON, or a value is not admissible.
     """
     return wheel_from(read_json(path), str(path))
+
+
+def car_of(log: Path, car: Path | None) -> Path | None:
+    """The car file of a log: the one given, else the JSON file of the log's name beside it, if there is one."""
+    beside = log.with_suffix(".json")
+    return beside if car is None and beside.is_file() else car

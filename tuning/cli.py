@@ -1,4 +1,4 @@
-"""The command line: `python -m tuning demo | identify | tune-abs`."""
+"""The command line: `python -m tuning demo | identify | tune-abs | tune-observer | observer-study`."""
 
 import contextlib
 import os
@@ -88,15 +88,14 @@ def _identify(log, out, columns, car, load, start, end):
     import dataclasses
 
     from absjax.vehicle import Wheel
-    from tuning.car import read_car
+    from tuning.car import car_of, read_car
     from tuning.figures import identification_figures
     from tuning.files import write_json
     from tuning.identify import identify as run
     from tuning.logs import parse_columns, read_csv
     from tuning.report import identification_table
 
-    beside = log.with_suffix(".json")
-    car = beside if car is None and beside.is_file() else car
+    car = car_of(log, car)
     wheel = Wheel() if car is None else read_car(car)
     if load is not None:
         wheel = dataclasses.replace(wheel, load=load)
@@ -146,6 +145,68 @@ def _tune(config, out: Path, title: str):
     written = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
     console.print("written: " + ", ".join(map(str, written)), highlight=False, soft_wrap=True)
     return result
+
+
+@app.command("tune-observer")
+def tune_observer(
+    out: Out,
+    config: Annotated[
+        Path | None, typer.Option(help="JSON, see `tuning.observer_config.ObserverConfig`; or a result to go on from.")
+    ] = None,
+    observer: Annotated[
+        str | None, typer.Option(help="constant, known_road, unknown_road or adaptive; overrides the config.")
+    ] = None,
+    log: Annotated[
+        Path | None, typer.Option(help="Tune on this brake log with measured force instead of simulated runs.")
+    ] = None,
+    columns: Annotated[
+        str | None, typer.Option(help="SIGNAL=COLUMN[:UNIT], comma-separated, where the log's differ.")
+    ] = None,
+    car: Annotated[
+        Path | None, typer.Option(help="JSON with the log's wheel; the one beside the log if missing.")
+    ] = None,
+) -> None:
+    """Gains of an observer of XBS with their certificate: result.json and figures."""
+    with _clear_errors():
+        from tuning.files import read_json
+        from tuning.observer_config import ObserverConfig
+        from tuning.observer_tasks import tune, tune_on_log
+
+        data = {} if config is None else read_json(config)
+        if isinstance(data, dict) and "parameters" in data and "config" in data:
+            data = {**data["config"], "start": data["parameters"]}
+        if observer is not None and isinstance(data, dict):
+            data = {**data, "observer": observer}
+        wanted = ObserverConfig.from_json(data)
+        with _bar(f"{wanted.observer} observer: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
+            if log is None:
+                report = tune(wanted, out, progress)
+            else:
+                report = tune_on_log(wanted, log, columns, car, out, progress)
+        _print_report(report)
+
+
+@app.command("observer-study")
+def observer_study(out: Out) -> None:
+    """Published gains against tuned: settling, noise, wrong speed, a rig log, tracking; tables and figures."""
+    begun = time.monotonic()
+    with _clear_errors():
+        from tuning.observer_tasks import study
+
+        for report in study(out):
+            _print_report(report)
+    console.print(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/", highlight=False)
+
+
+def _print_report(report) -> None:
+    from tuning.report import rows_table
+
+    for title, rows in report.tables.items():
+        console.print(rows_table(rows, title))
+    for line in report.lines:
+        console.print(line, highlight=False)
+    if report.files:
+        console.print("written: " + ", ".join(map(str, report.files)), highlight=False, soft_wrap=True)
 
 
 @app.command()

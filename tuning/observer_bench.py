@@ -13,6 +13,7 @@ from absjax.vehicle import Wheel
 from tuning.entries import tyre_of
 from tuning.observer_config import ObserverConfig, random_surfaces
 from tuning.observer_metrics import TOLERANCE
+from tuning.observer_signals import LogSignals
 from tuning.observers import KINDS
 from tuning.scenarios import Scenarios, concatenate, simulate
 
@@ -36,17 +37,28 @@ class Judgement(NamedTuple):
     """settling times, s, (runs, roads)"""
     noise: Any
     """rms of the estimate's noise, (runs, roads)"""
+    error: Any
+    """rms of the error, noise included, (runs, roads)"""
     stepping: Any
     """by how much step times rate exceeds its share of the stable one"""
 
     def cost(self, noise_weight, exact: bool = False):
-        """Worst settling, smooth or `exact`, + noise_weight * mean noise + what too large a step is charged."""
-        worst = self.settling.max() if exact else self.smooth
-        return worst + noise_weight * self.noise.mean() + STEP_CHARGE * self.stepping
+        """Worst settling, smooth or `exact`, + noise_weight * mean noise + what too large a step is charged.
+
+        Without a weight (None) it is the mean rms of the error instead.
+        """
+        charge = STEP_CHARGE * self.stepping
+        if noise_weight is None:
+            return self.error.mean() + charge
+        return (self.settling.max() if exact else self.smooth) + noise_weight * self.noise.mean() + charge
 
 
 def _bounded(error):
     return jnp.where(jnp.isfinite(error), jnp.clip(error, -LARGEST_ERROR, LARGEST_ERROR), LARGEST_ERROR)
+
+
+def _rms(square, where):
+    return jnp.sqrt(jnp.sum(jnp.where(where, square, 0.0), axis=-1) / jnp.sum(where, axis=-1) + 1e-12)
 
 
 @model
@@ -93,11 +105,11 @@ class Bench:
         moment = 3 * self.period * jnp.sum(jnp.where(on_road, fourth / (1 + fourth) * since**2, 0.0), axis=-1)
         smooth = jnp.cbrt(moment + 1e-9)
         last = jnp.where(on_road & (jnp.abs(error) > TOLERANCE), since, 0.0).max(axis=-1)
+        both = _bounded(noisy - self.stiffness)[:, None, :] ** 2
         late = on_road & (since > (self.ends - self.begins)[..., None] - NOISE_WINDOW)
-        square = _bounded(noisy - clean)[:, None, :] ** 2
-        noise = jnp.sqrt(jnp.sum(jnp.where(late, square, 0.0), axis=-1) / jnp.sum(late, axis=-1) + 1e-12)
+        noise = _rms(_bounded(noisy - clean)[:, None, :] ** 2, late)
         excess = jax.nn.relu(jnp.max(_bounded(stepping)) / STABLE - STEP_SHARE)
-        return Judgement(jax.nn.logsumexp(SHARPNESS * smooth) / SHARPNESS, last, noise, excess)
+        return Judgement(jax.nn.logsumexp(SHARPNESS * smooth) / SHARPNESS, last, noise, _rms(both, on_road), excess)
 
 
 def training_runs(config: ObserverConfig) -> Scenarios:
@@ -140,6 +152,30 @@ def bench_of(config: ObserverConfig, runs: Scenarios) -> Bench:
         runs.ends,
         runs.wheel,
         runs.period,
+        kind=config.observer,
+        substeps=config.steps_per_sample,
+    )
+
+
+def log_bench(config: ObserverConfig, signals: LogSignals, truth: np.ndarray, wheel: Wheel, begin: float, end: float):
+    """A stretch of a log with known XBS as a bench: one run, one road, the noise that of the log.
+
+    Args:
+        signals, truth: the log and its XBS, see `tuning.observer_signals`.
+        wheel: the log's.
+        begin, end: of the stretch on which errors count, s of the log. The observer runs from the log's start.
+    """
+    one = jax.tree.map(lambda x: np.asarray(x)[None], signals.samples)
+    first, period = signals.time[0], float(np.median(np.diff(signals.time)))
+    begins, ends = np.array([[begin - first]]), np.array([[end - first]])
+    return Bench(
+        one,
+        np.zeros_like(one.y),
+        truth[None],
+        begins,
+        ends,
+        wheel,
+        period,
         kind=config.observer,
         substeps=config.steps_per_sample,
     )

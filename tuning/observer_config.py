@@ -30,10 +30,11 @@ class ObserverConfig:
         deceleration: imposed [m/s^2].
         duration: of a run [s]; the road changes once, near the middle.
         noise: standard deviation of the white noise on y [m/s^2], sample by sample.
-        noise_weight: settling time that 1 of XBS noise is worth [s].
+        noise_weight: settling time that 1 of XBS noise is worth [s]; None tunes on the rms of the error.
         period: of the samples [s]; substeps: Runge-Kutta steps per sample, None for what the published
             parameters need.
-        starts, scatter: descents run together, and the spread of the logarithms of all but the first.
+        starts: descents run together: one from the start, the others from the best of `screened` random sets.
+        scatter: standard deviation of the random sets' logarithms.
         iterations, learning_rate, seed: of the descent (Adam on the logarithms, cosine decay).
         refinements: rounds of random search around the winner, on the worst settling itself.
     """
@@ -49,11 +50,12 @@ class ObserverConfig:
     deceleration: float = 1.96
     duration: float = 2.0
     noise: float = 0.5
-    noise_weight: float = 0.2
+    noise_weight: float | None = 0.2
     period: float = 1e-3
     substeps: int | None = None
-    starts: int = 6
-    scatter: float = 0.5
+    starts: int = 4
+    screened: int = 64
+    scatter: float = 0.7
     iterations: int = 40
     learning_rate: float = 0.08
     seed: int = 0
@@ -66,12 +68,13 @@ class ObserverConfig:
                 choice(entry, name, self.kind.published)
         for name in ("runs", "starts", "iterations"):
             require(name, getattr(self, name), getattr(self, name) >= 1, "an integer >= 1")
+        require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
         require("refinements", self.refinements, self.refinements >= 0, "an integer >= 0")
         require("substeps", self.substeps, self.substeps is None or self.substeps >= 1, "an integer >= 1, or null")
         for name in ("duration", "period", "learning_rate", "scatter"):
             require(name, getattr(self, name), 0 < getattr(self, name) < math.inf, "positive")
         for name in ("noise", "noise_weight", "deceleration"):
-            require(name, getattr(self, name), 0 <= getattr(self, name) < math.inf, ">= 0")
+            require(name, getattr(self, name), 0 <= (getattr(self, name) or 0.0) < math.inf, ">= 0")
         low, high = self.speeds if len(self.speeds) == 2 else (0.0, -1.0)
         require("speeds", self.speeds, 0 < low <= high, "(lowest, highest)")
         least = self.deceleration * self.duration + 3.0

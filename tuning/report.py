@@ -1,5 +1,8 @@
 """Results as tables for the terminal."""
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 from rich.table import Table
 
 from tuning.identify import PARAMETERS, Identification
@@ -62,3 +65,13 @@ def parameter_line(result: TuningResult) -> str:
     """The tuned parameters on a line; those on a limit are marked."""
     marks = {name: "*" if name in result.on_limit else "" for name in result.parameters}
     return ", ".join(f"{name} {value:.4g}{marks[name]}" for name, value in result.parameters.items())
+
+
+def rows_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
+    """Rows with the same keys as a table: a key a column."""
+    table = Table(title=title)
+    for key, value in rows[0].items():
+        table.add_column(key.replace("_", " "), justify="left" if isinstance(value, str) else "right")
+    for row in rows:
+        table.add_row(*(value.replace("_", " ") if isinstance(value, str) else f"{value:g}" for value in row.values()))
+    return table

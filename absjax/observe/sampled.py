@@ -106,10 +106,12 @@ def advance(observer: Observer, state: Any, before: Sample, after: Sample, perio
         slope = observer.flow(state, y, speed, rate)
         return jax.tree.map(lambda d: period * d, slope)
 
-    for i in range(substeps):
-        share = jnp.asarray(i / substeps, before.y.dtype)
-        state = rk4_step(flow, share, state, 1 / substeps, flow(share, state))
-    return state
+    # A loop of its own: unrolled, the compiler would repeat the first substeps inside the last ones.
+    def substep(i, state):
+        share = i.astype(before.y.dtype) / substeps
+        return rk4_step(flow, share, state, 1 / substeps, flow(share, state))
+
+    return lax.fori_loop(0, substeps, substep, state) if substeps > 1 else substep(jnp.zeros((), jnp.int32), state)
 
 
 @partial(jax.jit, static_argnames="substeps")
