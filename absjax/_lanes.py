@@ -4,9 +4,9 @@ Every iteration takes one Runge-Kutta step per lane, of a size that depends on w
 
 * NORMAL: to the next grid point. If a guard has crossed on the way the step is rejected, and the lane
   will land on the crossing instead.
-* LANDING, RELANDING: to where the guard's Hermite interpolant is zero, only to see how far that misses;
+* LANDING, RELANDING, LAST_LANDING: to where the guard's Hermite interpolant is zero, only to see how far that misses;
   the lane keeps its place, and the step is corrected by -g / g'. A landing that misses by more than
-  `LANDING_TOLERANCE` grid steps is tried once more.
+  `LANDING_TOLERANCE` grid steps is tried again, twice at most.
 * CROSSING: over the corrected step, which ends on the guard, and the jump.
 * TOUCHING: the same for a guard that only grazes zero.
 * IMMEDIATE: the jump alone, of a guard that is open on entering a mode.
@@ -29,7 +29,7 @@ from absjax import _locate
 from absjax._locate import Ends
 from absjax._numerics import rk4_step, safe_divide, tree_where
 
-NORMAL, LANDING, RELANDING, CROSSING, TOUCHING, IMMEDIATE = range(6)
+NORMAL, LANDING, RELANDING, LAST_LANDING, CROSSING, TOUCHING, IMMEDIATE = range(7)
 LANDING_TOLERANCE = 1e-5
 DIVERGED = -2
 """Mode of a lane whose state has left the finite numbers; it keeps its last finite state."""
@@ -189,12 +189,12 @@ def _decide(grid: Grid, lanes: Lanes, held, there: Local, opened_by, step) -> De
         lambda lanes, there, step, target, crossed: (crossed, target, step, crossed),
         *(lanes, there, step, target, crossed),
     )
-    trying = (lanes.doing == LANDING) | (lanes.doing == RELANDING)
+    trying = (lanes.doing >= LANDING) & (lanes.doing <= LAST_LANDING)
     miss, closing = pick(there.guards, lanes.slot), pick(there.rates, lanes.slot)
     sound = (closing > 0) & (jnp.abs(miss) <= closing * grid.step)
-    again = (lanes.doing == LANDING) & (jnp.abs(miss) > LANDING_TOLERANCE * grid.step * closing)
+    again = (lanes.doing < LAST_LANDING) & (jnp.abs(miss) > LANDING_TOLERANCE * grid.step * closing)
     corrected = jnp.clip(lanes.landing - safe_divide(miss, closing, sound), 0.0, lanes.left)
-    landed = jnp.where(sound, jnp.where(again, RELANDING, CROSSING), TOUCHING)
+    landed = jnp.where(sound, jnp.where(again, lanes.doing + 1, CROSSING), TOUCHING)
     opened, open_slot = _first_open(opened_by)
     doing = jnp.where(trying, landed, jnp.where(opened, IMMEDIATE, NORMAL))
     slot = jnp.where(trying, lanes.slot, open_slot)

@@ -188,7 +188,7 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
     system, state, mode = jax.tree.map(spread, (system, state, mode))
 
     smooth = not jax.eval_shape(lambda: _one_lane_guards(system, axes, state, grid))
-    iterations = steps if smooth else steps + 4 * max_events
+    iterations = steps if smooth else steps + 5 * max_events
     length = min(SEGMENT, iterations)
     segments = -(-iterations // length)
     words = len(jax.tree.leaves(state)) + 4

@@ -17,8 +17,8 @@ from tuning.observer_signals import LogSignals
 from tuning.observers import KINDS
 from tuning.scenarios import Scenarios, concatenate, simulate
 
-SHARPNESS = 20.0
-"""Of the smooth maximum of settling times, 1/s."""
+ORDER = 4
+"""Of the power mean of settling times: between their mean and the worst, which a single run may make hopeless."""
 STEP_CHARGE = 1.0
 """Added to the cost, in s, for every unit by which step times rate exceeds `STEP_SHARE` of the stable one."""
 STEP_SHARE = 0.7
@@ -32,7 +32,7 @@ class Judgement(NamedTuple):
     """What a parameter set is worth."""
 
     smooth: Any
-    """smooth worst settling time, s"""
+    """smooth settling times, s, (runs, roads)"""
     settling: Any
     """settling times, s, (runs, roads)"""
     noise: Any
@@ -43,14 +43,16 @@ class Judgement(NamedTuple):
     """by how much step times rate exceeds its share of the stable one"""
 
     def cost(self, noise_weight, exact: bool = False):
-        """Worst settling, smooth or `exact`, + noise_weight * mean noise + what too large a step is charged.
+        """Power mean of the settling, smooth or `exact`, + noise_weight * mean noise + what too large a step
+        is charged.
 
         Without a weight (None) it is the mean rms of the error instead.
         """
         charge = STEP_CHARGE * self.stepping
         if noise_weight is None:
             return self.error.mean() + charge
-        return (self.settling.max() if exact else self.smooth) + noise_weight * self.noise.mean() + charge
+        times = self.settling if exact else self.smooth
+        return jnp.mean(times**ORDER) ** (1 / ORDER) + noise_weight * self.noise.mean() + charge
 
 
 def _bounded(error):
@@ -109,7 +111,7 @@ class Bench:
         late = on_road & (since > (self.ends - self.begins)[..., None] - NOISE_WINDOW)
         noise = _rms(_bounded(noisy - clean)[:, None, :] ** 2, late)
         excess = jax.nn.relu(jnp.max(_bounded(stepping)) / STABLE - STEP_SHARE)
-        return Judgement(jax.nn.logsumexp(SHARPNESS * smooth) / SHARPNESS, last, noise, _rms(both, on_road), excess)
+        return Judgement(smooth, last, noise, _rms(both, on_road), excess)
 
 
 def training_runs(config: ObserverConfig) -> Scenarios:

@@ -36,7 +36,7 @@ class ObserverConfig:
         starts: descents run together: one from the start, the others from the best of `screened` random sets.
         scatter: standard deviation of the random sets' logarithms.
         iterations, learning_rate, seed: of the descent (Adam on the logarithms, cosine decay).
-        refinements: rounds of random search around the winner, on the worst settling itself.
+        refinements: rounds of random search around the winner, on the settling times themselves.
     """
 
     observer: str = "adaptive"
@@ -132,10 +132,10 @@ class ObserverConfig:
 
 
 def random_surfaces(rng: np.random.Generator, count: int) -> list[Burckhardt]:
-    """Surfaces that span the published ones: peak slips and friction from cobblestones to snow.
+    """Surfaces beyond the published ones on either side: from cobblestones to snow.
 
-    c1 is uniform in [0.2, 1.4], c2 log-uniform in [6, 95], c3 / c1 uniform in [0.3, 0.5].
+    c1 is log-uniform in [0.18, 1.4], c2 in [5, 120], c3 / c1 uniform in [0.3, 0.5].
     """
-    c1, c2 = rng.uniform(0.2, 1.4, count), np.exp(rng.uniform(np.log(6.0), np.log(95.0), count))
+    c1, c2 = (np.exp(rng.uniform(np.log(low), np.log(high), count)) for low, high in ((0.18, 1.4), (5.0, 120.0)))
     c3 = c1 * rng.uniform(0.3, 0.5, count)
     return [Burckhardt(float(a), float(b), float(c)) for a, b, c in zip(c1, c2, c3)]

@@ -41,7 +41,7 @@ def excitation_figure(runs: Scenarios, i: int = 0, window: float = 1.0):
     middle.set(ylabel="x2 [m/s²]")
     dwell = dwell_times(samples, runs.period)
     lower.plot(dwell.begin, 1e3 * dwell.length, ".", label="in time [ms]")
-    lower.plot(dwell.begin, 1e3 * dwell.scaled, "x", ms=4, label="in scaled time [1e-3 s²/m · m/s²]")
+    lower.plot(dwell.begin, 1e3 * dwell.scaled, "x", ms=4, label="in scaled time [1e-3]")
     lower.set(xlabel="time [s]", ylabel="dwell times", title=f"shortest {1e3 * dwell.length.min():.1f} ms")
     lower.set_yscale("log")
     lower.legend(fontsize="small")

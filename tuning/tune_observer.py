@@ -1,9 +1,9 @@
 """Observer gains tuned by gradient descent over simulated road changes.
 
 Every start is a parameter set; all sets run over all runs at once and descend together, on the cost of
-`tuning.observer_bench`: the smooth worst settling time over runs and roads, plus noise_weight times the
-mean noise of the estimate. The winner is chosen, and refined by random search, by the worst settling time
-itself. Parameters move on a logarithmic scale; every iterate is stable by construction
+`tuning.observer_bench`: a power mean of smooth settling times over runs and roads, plus noise_weight times
+the mean noise of the estimate. The winner is chosen, and refined by random search, by the settling times
+themselves. Parameters move on a logarithmic scale; every iterate is stable by construction
 (`tuning.observers`), and steps too large for the gains are charged.
 """
 
@@ -162,9 +162,9 @@ def _judged(bench: Bench, logs, names, fixed):
 
 
 def exact_costs(config: ObserverConfig, bench: Bench, logs: np.ndarray) -> np.ndarray:
-    """Cost of parameter sets by the worst settling time itself, (sets,)."""
+    """Cost of parameter sets by the settling times themselves, (sets,)."""
     judged = judge(config, bench, logs)
-    return np.array([one.cost(config.noise_weight, exact=True) for one in _each(judged)])
+    return np.array([float(one.cost(config.noise_weight, exact=True)) for one in _each(judged)])
 
 
 def _refined(config: ObserverConfig, bench: Bench, logs: np.ndarray, box) -> np.ndarray:

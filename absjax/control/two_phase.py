@@ -14,8 +14,9 @@ Source: Aguado-Rojas 2019, section 4.2.
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
-from absjax.parameters import model, parameter, part
+from absjax.parameters import concrete, model, parameter, part
 from absjax.vehicle import Signals, Wheel
 
 
@@ -43,7 +44,7 @@ class TwoPhase:
     chi_b: Any = parameter("chi_b, XBS that ends the release", default=1.0, trainable=True)
 
     def __post_init__(self):
-        if not bool(jnp.all(jnp.asarray(self.chi_a) < jnp.asarray(self.chi_b))):
+        if concrete(self.chi_a) and concrete(self.chi_b) and not np.all(np.less(self.chi_a, self.chi_b)):
             raise ValueError(f"TwoPhase.chi_a = {self.chi_a} must be below chi_b = {self.chi_b}")
 
     def at(self, signals: Signals) -> tuple[()]:

@@ -3,8 +3,9 @@
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 
-from absjax.parameters import model, parameter, part
+from absjax.parameters import concrete, model, parameter, part
 
 
 @model
@@ -19,7 +20,7 @@ class Clamped:
     high: Any = parameter("largest XBS", default=35.0)
 
     def __post_init__(self):
-        if not bool(jnp.all(jnp.asarray(self.low) < jnp.asarray(self.high))):
+        if concrete(self.low) and concrete(self.high) and not np.all(np.less(self.low, self.high)):
             raise ValueError(f"Clamped.low = {self.low} must be below Clamped.high = {self.high}")
 
     def at(self, y):

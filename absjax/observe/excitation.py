@@ -1,4 +1,4 @@
-"""What a run offers an observer: dwell times between sign changes, and persistency of excitation.
+"""What a run offers an observer: dwell times between sign changes, decay of the error, persistency of excitation.
 
 The convergence of a switched observer needs sign changes of y that are a dwell time apart; that of the
 adaptive one needs, besides, a regressor Psi with
@@ -11,8 +11,11 @@ Source: Aguado-Rojas 2019, Assumption 1 and eq. 3.7, Fig. 3.1.
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg import expm
 
+from absjax.observe.gains import lyapunov
 from absjax.observe.sampled import Sample
+from absjax.observe.switched import SwitchedObserver
 from absjax.vehicle import Wheel
 
 
@@ -63,3 +66,30 @@ def excitation(samples: Sample, period: float, wheel: Wheel, window: float = 1.0
         raise ValueError(f"window = {window:g} s must be positive and shorter than the run of {len(psi) * period:g} s")
     total = np.concatenate([np.zeros((1, 2, 2)), np.cumsum(period * np.swapaxes(psi, 1, 2) @ psi, axis=0)])
     return np.linalg.eigvalsh(total[length:] - total[:-length])
+
+
+def decay_along(observer: SwitchedObserver, samples: Sample, period: float) -> float:
+    """Rate at which every error decays along a run, at least [1/s], in the norm e' P e of the common P.
+
+    The error is multiplied by exp(A+ s) or exp(A- s) over every stretch of scaled length s between two sign
+    changes of y. The poles of A+ and A- do not say how fast that product falls: it can be far slower than
+    either factor.
+
+    Raises:
+        ValueError: if y changes its sign less than twice.
+    """
+    dwell = dwell_times(samples, period)
+    if not len(dwell.length):
+        raise ValueError("y changes its sign once at most; twice is needed")
+    A, C = np.asarray(observer.A), np.eye(len(observer.B))[0]
+    matrices = A - np.outer(observer.plus, C), -A + np.outer(observer.minus, C)
+    root = np.linalg.cholesky(np.asarray(lyapunov(matrices[0], np.outer(C, C)))).T
+    y = np.asarray(samples.y)
+    product, logarithm = np.eye(len(C)), 0.0
+    for begin, length, scaled in zip(*dwell):
+        positive = y[round((begin + 0.5 * length) / period)] > 0
+        product = expm(matrices[0 if positive else 1] * scaled) @ product
+        size = np.abs(product).max()
+        product, logarithm = product / size, logarithm + np.log(size)
+    largest = np.linalg.norm(root @ product @ np.linalg.inv(root), 2)
+    return float(-(logarithm + np.log(largest)) / dwell.length.sum())

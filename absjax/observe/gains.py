@@ -134,7 +134,7 @@ def partner(A, C, plus, ratio: Any = 1.0) -> GainPair:
     p = alpha + T @ plus
     if concrete(p) and not (abscissa := float(np.max(np.roots([1.0, *p]).real))) < 0:
         raise ValueError(f"A - K+ C is not Hurwitz: an eigenvalue has the real part {abscissa:g}")
-    if concrete(ratio) and not bool(jnp.all(jnp.asarray(ratio) > 0)):
+    if concrete(ratio) and not np.all(np.asarray(ratio) > 0):
         raise ValueError(f"ratio = {ratio} must be positive")
     odd = jnp.arange(1, n + 1) % 2 == 1
     change = jnp.linalg.solve(T, jnp.where(odd, 2 * p, 0.0))

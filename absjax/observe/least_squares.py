@@ -27,7 +27,7 @@ def _regression(samples: Sample, period, wheel: Wheel):
 
 
 @jax.jit
-def recursive(samples: Sample, period, wheel: Wheel, memory: Any = 0.05, prior: Any = 1e-2) -> jax.Array:
+def recursive(samples: Sample, period, wheel: Wheel, memory: Any = 0.05, prior: Any = 1e-3) -> jax.Array:
     """XBS by recursive least squares with exponential forgetting.
 
     Args:
@@ -54,7 +54,7 @@ def recursive(samples: Sample, period, wheel: Wheel, memory: Any = 0.05, prior: 
     return jnp.concatenate([jnp.zeros(1, phi.dtype), path])
 
 
-def windowed(samples: Sample, period, wheel: Wheel, window: int = 50, prior: Any = 1e-2) -> jax.Array:
+def windowed(samples: Sample, period, wheel: Wheel, window: int = 50, prior: Any = 1e-3) -> jax.Array:
     """XBS by least squares over the last `window` samples; the prior as for `recursive`. Array (samples,).
 
     Raises:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from absjax._numerics import rk4_step
+from absjax._numerics import rk4_step, safe_divide
 from absjax.engine import RolloutError
 from absjax.vehicle import Signals
 
@@ -98,8 +98,11 @@ class Observation(NamedTuple):
 
 
 def advance(observer: Observer, state: Any, before: Sample, after: Sample, period, substeps: int = 1):
-    """State after `period` [s], the samples joined by straight lines: y and v linear, dPb/dt constant."""
-    rate = (after.pressure - before.pressure) / period
+    """State after `period` [s], the samples joined by straight lines: y and v linear, dPb/dt constant.
+
+    Without a period to cover (0) the state stays.
+    """
+    rate = safe_divide(after.pressure - before.pressure, period, jnp.asarray(period) > 0)
 
     def flow(share, state):
         y, speed = (a + share * (b - a) for a, b in ((before.y, after.y), (before.speed, after.speed)))

@@ -75,7 +75,7 @@ def _input(wheel: Wheel, n: int):
 class SwitchedObserver:
     """Observer of XBS with a gain for either sign of y; its state is a tuple of n scalars."""
 
-    A: Any = parameter("A, 1/m, shape (n, n)", ndim=2)
+    A: Any = parameter("A, in the scaled time, shape (n, n)", ndim=2)
     B: Any = parameter("B, input of the pressure rate, shape (n,)", ndim=1)
     plus: Any = parameter("K+, gain while y > 0, shape (n,)", ndim=1)
     minus: Any = parameter("K-, gain while y < 0, shape (n,)", ndim=1)
