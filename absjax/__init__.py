@@ -3,9 +3,16 @@
 from absjax.actuator import Brake
 from absjax.closed_loop import ClosedLoop, SampledLoop
 from absjax.control.five_phase import FivePhase
+from absjax.control.tracking import AccelerationTracking
+from absjax.control.two_phase import TwoPhase
 from absjax.engine import Rollout, RolloutError, Status, rollout
 from absjax.hybrid import FINISHED, HybridSystem, Smooth, TickingSystem
 from absjax.manoeuvre import Outcome, Stop, stop
+from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.certificate import Certificate, certify
+from absjax.observers.clamped import Clamped
+from absjax.observers.sampled import Observation, ObserverStatus, Sample, observe
+from absjax.observers.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
 from absjax.road import SURFACES, ChangingRoad, UniformRoad, surface
 from absjax.tyre import Burckhardt, ExponentialBasis, fit_exponential_basis
 from absjax.vehicle import GRAVITY, QuarterCar, TestRig, Wheel
@@ -14,27 +21,41 @@ __all__ = [
     "FINISHED",
     "GRAVITY",
     "SURFACES",
+    "AccelerationTracking",
+    "AdaptiveObserver",
     "Brake",
     "Burckhardt",
+    "Certificate",
     "ChangingRoad",
+    "Clamped",
     "ClosedLoop",
     "ExponentialBasis",
     "FivePhase",
     "HybridSystem",
+    "Observation",
+    "ObserverStatus",
     "Outcome",
     "QuarterCar",
     "Rollout",
     "RolloutError",
+    "Sample",
     "SampledLoop",
     "Smooth",
     "Status",
     "Stop",
+    "SwitchedObserver",
     "TestRig",
     "TickingSystem",
+    "TwoPhase",
     "UniformRoad",
     "Wheel",
+    "certify",
+    "constant_stiffness",
     "fit_exponential_basis",
+    "known_road",
+    "observe",
     "rollout",
     "stop",
     "surface",
+    "unknown_road",
 ]

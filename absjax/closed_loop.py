@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from absjax._numerics import tree_where
 from absjax.actuator import Brake, BrakeState
 from absjax.hybrid import FINISHED
-from absjax.observe.sampled import Observer, Sample, advance
+from absjax.observers.sampled import Observer, Sample, advance
 from absjax.parameters import model, parameter, part
 from absjax.vehicle import Plant, Signals
 

@@ -48,7 +48,7 @@ class ObserverConfig:
     runs: int = 24
     speeds: tuple[float, ...] = (12.0, 30.0)
     deceleration: float = 1.96
-    duration: float = 2.0
+    duration: float = 2.5
     noise: float = 0.5
     noise_weight: float | None = 0.2
     period: float = 1e-3

@@ -6,8 +6,8 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from absjax.observe.excitation import dwell_times, excitation
-from absjax.observe.sampled import Observation, Sample
+from absjax.observers.excitation import dwell_times, excitation
+from absjax.observers.sampled import Observation, Sample
 from tuning.observer_study import RigStudy
 from tuning.scenarios import Scenarios
 

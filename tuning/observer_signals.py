@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from absjax.observe.sampled import Sample
+from absjax.observers.sampled import Sample
 from absjax.tyre import Burckhardt
 from absjax.vehicle import Wheel
 from tuning.logs import BrakeLog, LogError

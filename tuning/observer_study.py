@@ -12,9 +12,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from absjax.observe import least_squares
-from absjax.observe.clamped import Clamped
-from absjax.observe.sampled import Observation, ObserverStatus, Sample, observe
+from absjax.observers import least_squares
+from absjax.observers.clamped import Clamped
+from absjax.observers.sampled import Observation, ObserverStatus, Sample, observe
 from absjax.road import SURFACES, surface
 from absjax.vehicle import Wheel
 from tuning.files import read_json
@@ -99,16 +99,20 @@ def table_runs(excitation: Excitation) -> Scenarios:
 
 
 def held_out_runs(excitation: Excitation, instants: int = 3) -> Scenarios:
-    """Every change between six published roads, at several instants, from three speeds; none was tuned on."""
+    """Every change between six published roads, at several instants, from three speeds; none was tuned on.
+
+    Runs on which the controller stops cycling are left out.
+    """
     pairs = [(a, b) for a in HELD_OUT_ROADS for b in HELD_OUT_ROADS if a != b]
     cases = [(pair, i, v) for pair in pairs for i in range(instants) for v in HELD_OUT_SPEEDS]
-    return simulate(
+    runs = simulate(
         [[surface(a), surface(b)] for (a, b), _, _ in cases],
         [1.5 + 0.07 * i for _, i, _ in cases],
         speed=[v for *_, v in cases],
         excitation=excitation,
         duration=3.5,
     )
+    return runs.select(np.flatnonzero(runs.cycling))
 
 
 def settling_rows(sets: Sequence[GainSet], runs: Scenarios, excitation: str) -> list[dict[str, Any]]:

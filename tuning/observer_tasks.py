@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from absjax.observe.certificate import certify
-from absjax.observe.sampled import observe
+from absjax.observers.certificate import certify
+from absjax.observers.sampled import observe
 from absjax.vehicle import Wheel
 from tuning import observer_figures as figures
 from tuning.car import car_of, read_car

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 
-from absjax.observe.adaptive import AdaptiveObserver
-from absjax.observe.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
+from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
 from absjax.vehicle import Wheel
 
 

@@ -18,7 +18,7 @@ from absjax.control.five_phase import FivePhase
 from absjax.control.tracking import AccelerationTracking
 from absjax.control.two_phase import TwoPhase
 from absjax.engine import rollout
-from absjax.observe.sampled import Sample
+from absjax.observers.sampled import Sample
 from absjax.parameters import lane_axes
 from absjax.road import ChangingRoad
 from absjax.tyre import Burckhardt
@@ -60,6 +60,15 @@ class Scenarios:
     def runs(self) -> int:
         """Number of runs."""
         return self.stiffness.shape[0]
+
+    @property
+    def cycling(self) -> np.ndarray:
+        """Whether y changes its sign three times at least on every road of a run, bool (runs,): without, no
+        observer can settle."""
+        y, time = np.asarray(self.samples.y), self.time[1:]
+        changes = y[:, 1:] * y[:, :-1] < 0
+        on_road = (time >= self.begins[..., None]) & (time < self.ends[..., None])
+        return ((changes[:, None, :] & on_road).sum(axis=-1) >= 3).all(axis=1)
 
     def select(self, index) -> "Scenarios":
         """Some of the runs."""
@@ -137,8 +146,10 @@ def simulate(
 
 
 def _two_phase(surfaces: Burckhardt, wheel: Wheel) -> TwoPhase:
-    """Thresholds between which every surface of a run can be: chi_a lies above its smallest -c3."""
-    return TwoPhase(wheel, zref=40.0, chi_a=np.maximum(-0.1, -0.6 * np.asarray(surfaces.c3).min(axis=1)), chi_b=5.0)
+    """Thresholds every surface of a run reaches: XBS goes from -c3 to c1 c2 - c3."""
+    c1, c2, c3 = (np.asarray(x) for x in (surfaces.c1, surfaces.c2, surfaces.c3))
+    low, high = np.maximum(-0.1, -0.6 * c3.min(axis=1)), np.minimum(5.0, 0.5 * (c1 * c2 - c3).min(axis=1))
+    return TwoPhase(wheel, zref=40.0, chi_a=low, chi_b=high)
 
 
 @jax.jit

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 import optax
 
-from absjax.observe.certificate import certify
+from absjax.observers.certificate import certify
 from tuning.observer_bench import Bench, Judgement, bench_of, training_runs
 from tuning.observer_config import ObserverConfig
 from tuning.version import VERSION

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_continuous_lyapunov
 
-from absjax.observe.adaptive import AdaptiveObserver
-from absjax.observe.certificate import certify
-from absjax.observe.gains import (
+from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.certificate import certify
+from absjax.observers.gains import (
     characteristic,
     characteristic_of,
     from_poles,
@@ -20,7 +20,7 @@ from absjax.observe.gains import (
     place,
     spectral_radius,
 )
-from absjax.observe.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
+from absjax.observers.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
 from absjax.vehicle import Wheel
 
 WHEEL = Wheel()

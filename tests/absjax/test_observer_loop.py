@@ -13,9 +13,9 @@ from absjax.control.five_phase import FivePhase
 from absjax.control.tracking import AccelerationTracking
 from absjax.control.two_phase import TwoPhase
 from absjax.engine import rollout
-from absjax.observe.adaptive import AdaptiveObserver
-from absjax.observe.sampled import Sample, observe
-from absjax.observe.switched import SwitchedObserver, unknown_road
+from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.sampled import Sample, observe
+from absjax.observers.switched import SwitchedObserver, unknown_road
 from absjax.road import UniformRoad, surface
 from absjax.vehicle import QuarterCar, TestRig, Wheel
 

@@ -9,13 +9,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from absjax.engine import RolloutError
-from absjax.observe import least_squares
-from absjax.observe.adaptive import AdaptiveObserver
-from absjax.observe.certificate import certify
-from absjax.observe.clamped import Clamped
-from absjax.observe.excitation import decay_along, dwell_times, excitation, regressor
-from absjax.observe.sampled import ObserverStatus, Sample, observe
-from absjax.observe.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
+from absjax.observers import least_squares
+from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.certificate import certify
+from absjax.observers.clamped import Clamped
+from absjax.observers.excitation import decay_along, dwell_times, excitation, regressor
+from absjax.observers.sampled import ObserverStatus, Sample, observe
+from absjax.observers.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
 from absjax.vehicle import Wheel
 
 WHEEL = Wheel()
@@ -259,7 +259,7 @@ def test_decay_along_a_run_against_the_simulated_transition_of_the_error():
     """Differences between runs from several starts obey the error dynamics exactly."""
     samples, _ = simplified_model(exponential_basis, duration=1.0)
     dwell = dwell_times(samples, PERIOD)
-    ends = (int(round(dwell.begin[0] / PERIOD)), int(round((dwell.begin[-1] + dwell.length[-1]) / PERIOD)))
+    ends = round(dwell.begin[0] / PERIOD), round((dwell.begin[-1] + dwell.length[-1]) / PERIOD)
     window = jax.tree.map(lambda x: x[ends[0] : ends[1] + 1], samples)
     for pole in (60.0, 100.0):
         observer = SwitchedObserver.placed(unknown_road(WHEEL), [(2 * pole, pole**2)] * 2)

@@ -50,6 +50,20 @@ def test_tune_abs_writes_a_result_it_can_go_on_from(tmp_path):
     assert {path.name for path in (tmp_path / "a").glob("*.png")} == {"distances.png", "history.png", "cycles.png"}
 
 
+def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):
+    config = {"observer": "constant", "starts": 1, "screened": 1, "iterations": 2, "refinements": 0}
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    log = ("--log", DATA / "rig_65kmh.csv")
+    first = run("tune-observer", "--config", tmp_path / "config.json", *log, "--out", tmp_path / "a")
+    assert first.returncode == 0, first.stdout + first.stderr
+    assert "certified; slowest rate" in first.stdout and "held out" in first.stdout
+    second = run("tune-observer", "--config", tmp_path / "a" / "result.json", *log, "--out", tmp_path / "b")
+    assert second.returncode == 0, second.stdout + second.stderr
+    results = [json.loads((tmp_path / name / "result.json").read_text()) for name in "ab"]
+    assert results[1]["config"]["start"] == results[0]["parameters"]
+    assert {path.name for path in (tmp_path / "a").glob("*.png")} == {"history.png", "log.png"}
+
+
 @pytest.mark.parametrize(
     "arguments, message",
     [
@@ -58,6 +72,8 @@ def test_tune_abs_writes_a_result_it_can_go_on_from(tmp_path):
         (("identify", DATA / "rig_65kmh.csv", "--out", "x", "--load", "-3"), "Wheel.load = -3"),
         (("identify", DATA / "rig_65kmh.csv", "--out", "x", "--car", "no.json"), "no.json: no such file"),
         (("tune-abs", "--config", DATA / "rig_65kmh.csv", "--out", "x"), "not JSON"),
+        (("tune-observer", "--observer", "kalman", "--out", "x"), "'kalman' is unknown; there are constant"),
+        (("tune-observer", "--log", DATA / "stop_dry_wet.csv", "--out", "x"), "no longitudinal force"),
     ],
 )
 def test_errors_are_a_line_and_an_exit_status(arguments, message, tmp_path, monkeypatch):

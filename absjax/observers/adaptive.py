@@ -16,8 +16,8 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from absjax.observe.gains import spectral_radius
-from absjax.observe.switched import constant_stiffness
+from absjax.observers.gains import spectral_radius
+from absjax.observers.switched import constant_stiffness
 from absjax.parameters import model, parameter, part
 from absjax.vehicle import Wheel
 

@@ -12,9 +12,9 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from absjax.observe.adaptive import AdaptiveObserver
-from absjax.observe.gains import lyapunov
-from absjax.observe.switched import SwitchedObserver, constant_stiffness
+from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.gains import lyapunov
+from absjax.observers.switched import SwitchedObserver, constant_stiffness
 
 EQUAL = 1e-6
 """Relative difference below which two sides of a condition are equal."""

@@ -13,9 +13,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
-from absjax.observe.gains import lyapunov
-from absjax.observe.sampled import Sample
-from absjax.observe.switched import SwitchedObserver
+from absjax.observers.gains import lyapunov
+from absjax.observers.sampled import Sample
+from absjax.observers.switched import SwitchedObserver
 from absjax.vehicle import Wheel
 
 

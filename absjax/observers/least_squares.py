@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from absjax._numerics import safe_divide
-from absjax.observe.sampled import Sample
+from absjax.observers.sampled import Sample
 from absjax.vehicle import Wheel
 
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from absjax.observe.gains import GainPair, characteristic, partner, place, spectral_radius
+from absjax.observers.gains import GainPair, characteristic, partner, place, spectral_radius
 from absjax.parameters import model, parameter
 from absjax.vehicle import Wheel
 
@@ -37,7 +37,7 @@ class LinearModel(NamedTuple):
 
         Args:
             factors: monic factors of the characteristic polynomial of A+, see
-                `absjax.observe.gains.characteristic`; positive coefficients make every one stable.
+                `absjax.observers.gains.characteristic`; positive coefficients make every one stable.
             ratio: rho > 0; 1 gives A- the same spectrum.
         """
         return partner(self.A, self.C, place(self.A, self.C, characteristic(*factors)), ratio)

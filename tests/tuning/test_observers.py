@@ -1,0 +1,239 @@
+"""Simulated scenarios, metrics, gain tuning, logs with force, and what the shipped gains are worth."""
+
+import dataclasses
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from absjax.observers.certificate import certify
+from absjax.road import surface
+from absjax.vehicle import Wheel
+from tuning.entries import ConfigError
+from tuning.files import read_json
+from tuning.logs import BrakeLog, LogError
+from tuning.observer_bench import bench_of, training_runs
+from tuning.observer_config import ObserverConfig
+from tuning.observer_metrics import crossings, rms, settling, within
+from tuning.observer_signals import observer_signals
+from tuning.observer_study import estimates, gain_sets, held_out_runs, rig_sets, rig_study, speed_rows, table_runs
+from tuning.observer_tasks import rig_log, tune
+from tuning.observers import KINDS
+from tuning.scenarios import BLEND, concatenate, simulate
+from tuning.tracking_study import drive, loops, summary
+from tuning.tune_observer import ObserverResult, exact_costs, judge, trade_off, tune_observer
+
+TINY = ObserverConfig(
+    observer="unknown_road",
+    runs=3,
+    duration=1.2,
+    speeds=(10.0, 14.0),
+    starts=2,
+    screened=2,
+    iterations=4,
+    refinements=1,
+)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return training_runs(TINY)
+
+
+def test_metrics_on_signals_made_by_hand():
+    time = np.arange(100) * 0.01
+    error = np.zeros((2, 100))
+    error[0, 7], error[0, 30], error[1, 60:] = 1.5, -2.0, np.nan
+    begins, ends = np.array([[0.0, 0.52]] * 2), np.array([[0.5, 1.0]] * 2)
+    np.testing.assert_allclose(settling(time, error, begins, ends), [[0.3, 0.0], [0.0, 0.47]], atol=1e-12)
+    inside = within(time, begins, ends)
+    assert inside[:, :50].all() and not inside[:, 50:52].any() and inside[:, 52:].all()
+    np.testing.assert_allclose(rms(np.array([[3.0, 4.0, 9.0]]), np.array([[True, True, False]])), [np.sqrt(12.5)])
+    np.testing.assert_allclose(
+        crossings(time, np.sin(2 * np.pi * 2 * (time - 0.123))), [0.123, 0.373, 0.623, 0.873], atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("excitation", ["five_phase", "two_phase"])
+def test_simulated_runs_are_what_they_say(excitation):
+    pair = [surface("dry_asphalt"), surface("wet_asphalt")]
+    runs = simulate([pair, pair[::-1]], [0.6, 0.65], speed=[14.0, 18.0], duration=1.2, excitation=excitation)
+    time = runs.time
+    np.testing.assert_allclose(runs.samples.speed, np.array([[14.0], [18.0]]) - 1.96 * time, rtol=1e-12)
+    np.testing.assert_allclose(runs.begins, [[0.0, 0.6 + BLEND], [0.0, 0.65 + BLEND]])
+    for i, tyres in enumerate((pair, pair[::-1])):
+        for k, tyre in enumerate(tyres):
+            on = (time >= runs.begins[i, k]) & (time < runs.ends[i, k])
+            np.testing.assert_allclose(runs.stiffness[i, on], tyre.stiffness(runs.slip[i, on]), rtol=1e-12)
+        # R w' - v' is the rate of slip times speed.
+        rate = np.gradient(runs.slip[i] * runs.samples.speed[i], 1e-3)
+        assert np.quantile(np.abs(rate - runs.samples.y[i])[5:-5], 0.9) < 0.2
+    assert runs.cycling.all()
+    both = concatenate([runs, runs])
+    assert both.runs == 4 and both.select([1, 2]).runs == 2
+    np.testing.assert_array_equal(both.select([3]).stiffness[0], runs.stiffness[1])
+
+
+def test_scenarios_are_refused_by_name():
+    dry = surface("dry_asphalt")
+    with pytest.raises(ValueError, match="2 changes need 3 surfaces"):
+        simulate([[dry, dry]], [[0.1, 0.2]])
+    with pytest.raises(ValueError, match="the speed falls to"):
+        simulate([[dry, dry]], [1.0], speed=10.0, duration=9.0)
+
+
+def test_gradient_of_the_cost_against_differences(runs):
+    bench = bench_of(TINY, runs.select([0]))
+    names = list(TINY.kind.published)
+
+    def cost(logs):
+        return bench.judge(dict(zip(names, jnp.exp(logs)))).cost(0.2)
+
+    logs = jnp.log(jnp.array([TINY.kind.published[n] * 1.1 for n in names]))
+    gradient = np.asarray(jax.jit(jax.grad(cost))(logs))
+    value = jax.jit(cost)
+    for i in (0, 3, 4, 6):
+        difference = float(value(logs.at[i].add(1e-5)) - value(logs.at[i].add(-1e-5))) / 2e-5
+        assert gradient[i] == pytest.approx(difference, rel=1e-4, abs=1e-7)
+
+
+def test_tuning_improves_certifies_and_can_be_read_back(runs):
+    bench = bench_of(TINY, runs)
+    result = tune_observer(TINY, bench)
+    names, *_ = TINY.box()
+    logs = np.log([[p[n] for n in names] for p in (TINY.initial(), result.parameters)])
+    costs = exact_costs(TINY, bench, logs)
+    assert costs[1] < costs[0]
+    assert result.certificate["holds"] and certify(result.observer()).holds
+    assert ObserverResult.from_json(read_back(result.to_json())) == result
+    assert len(result.history) == TINY.iterations and len(result.history[0]) == TINY.starts
+    assert judge(TINY, bench, np.repeat(logs, 20, axis=0)).settling.shape[0] == 40
+
+
+def read_back(data):
+    return json.loads(json.dumps(data))
+
+
+def test_trade_off_goes_from_quick_to_quiet():
+    config = dataclasses.replace(TINY, iterations=6, learning_rate=0.2)
+    curve, given = trade_off(config, [config.initial()], [0.01, 10.0])
+    assert curve[0]["mean"] <= curve[1]["mean"] and curve[0]["noise"] > curve[1]["noise"]
+    assert len(given) == 1 and given[0]["noise_weight"] is None
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_builds_certified_observers_anywhere_in_its_box(kind):
+    rng, wheel = np.random.default_rng(0), Wheel()
+    low, high = KINDS[kind].low, KINDS[kind].high
+    for _ in range(5):
+        drawn = {n: jnp.asarray(np.exp(rng.uniform(np.log(low[n]), np.log(high[n])))) for n in low}
+        assert certify(KINDS[kind].build(wheel, drawn)).holds
+    assert certify(KINDS[kind].build(wheel, {k: jnp.asarray(v) for k, v in KINDS[kind].published.items()})).holds
+
+
+@pytest.mark.parametrize(
+    "entries, message",
+    [
+        ({"observer": "kalman"}, "observer: 'kalman' is unknown; there are constant"),
+        ({"start": {"frequenzy": 1.0}}, "start: 'frequenzy' is unknown"),
+        ({"start": {"frequency": 1e6}}, r"start.frequency = 1000000.0 must be in \[5, 1000\]"),
+        ({"tune": ["pole"]}, "tune: 'pole' is unknown"),
+        ({"limits": {"ratio": [2.0, 1.0]}}, "limits.ratio"),
+        ({"roads": ["mud", "ice"]}, "roads: surface 'mud' is unknown"),
+        ({"roads": ["snow"]}, "roads = .* must be empty, or two"),
+        ({"runs": 0}, "runs = 0"),
+        ({"substeps": 0}, "substeps = 0"),
+        ({"substeps": 1.5}, "substeps = 1.5 is not of the kind"),
+        ({"noise": -1.0}, "noise = -1.0"),
+        ({"speeds": [3.0, 30.0]}, "speeds = .* must be above"),
+        ({"speeds": [30.0]}, r"speeds = .* must be \(lowest, highest\)"),
+        ({"wheel": {"radius": -1.0}}, r"wheel: Wheel\.radius = -1"),
+        ({"screened": 1}, "screened = 1"),
+        ({"gains": 1}, "configuration: 'gains' is unknown"),
+    ],
+)
+def test_configurations_are_refused_by_name(entries, message):
+    with pytest.raises(ConfigError, match=message):
+        ObserverConfig.from_json(entries)
+
+
+def test_configuration_round_trip():
+    config = ObserverConfig(observer="adaptive", substeps=2, noise_weight=None, limits={"ratio": (0.5, 2.0)})
+    assert ObserverConfig.from_json(read_back(config.to_json())) == config
+
+
+def log_of(time, speed, wheel_speed, pressure):
+    return BrakeLog("made.csv", time, wheel_speed, speed, pressure)
+
+
+def test_signals_of_a_log_keep_cubics_and_refuse_uneven_sampling():
+    time = np.arange(400) * 1e-3
+    wheel_speed = 60 - 8 * time + 30 * time**2 - 40 * time**3
+    log = log_of(time, 18.0 - 2 * time, wheel_speed, 10 + 5 * time)
+    signals = observer_signals(log, Wheel())
+    np.testing.assert_allclose(signals.samples.y, 0.3 * (-8 + 60 * time - 120 * time**2) + 2, atol=1e-8)
+    np.testing.assert_allclose(signals.slip, 0.3 * wheel_speed / (18 - 2 * time) - 1, atol=1e-10)
+    uneven = log_of(np.sort(np.append(time[:-1], 0.0125e-1)), log.vehicle_speed, wheel_speed, log.brake_pressure)
+    with pytest.raises(LogError, match="an observer needs one period"):
+        observer_signals(uneven, Wheel())
+    with pytest.raises(LogError, match="holds 3 samples"):
+        observer_signals(log, Wheel(), window=2e-3)
+
+
+def test_adaptive_beats_four_states_on_the_rig_log():
+    """Aguado-Rojas 2019, Fig. 3.14: the more roads the 4-state observer has to cover, the worse it gets."""
+    log, wheel = rig_log()
+    tyre = dataclasses.replace(surface("dry_asphalt"), c1=1.181, c2=26.9, c3=0.862)
+    published = [gains for gains in gain_sets() if "published" in gains.label]
+    study = rig_study(log, wheel, tyre, rig_sets(tyre, published))
+    error = {row["observer"]: row["XBS rms"] for row in study.rows}
+    four = [error[f"4-state, bounds of {name}"] for name in ("the rig's road", "dry and wet", "all roads")]
+    assert error["adaptive, published"] < 0.6 * four[0] and four[0] < four[1] < four[2]
+    assert error["adaptive, published"] < 0.35
+
+
+def test_shipped_gains_are_certified_and_settle_on_roads_not_tuned_on():
+    """Worst and mean settling after changes between roads none was tuned on, snow and cobblestones among them."""
+    sets = {gains.label: gains for gains in gain_sets()}
+    for gains in sets.values():
+        assert certify(gains.observer(Wheel())).holds
+    for excitation in ("five_phase", "two_phase"):
+        held_out = held_out_runs(excitation, instants=1)
+        assert held_out.runs > 80
+        times = {}
+        for label, gains in sets.items():
+            found = estimates(gains, held_out).stiffness
+            times[label] = settling(held_out.time, found - held_out.stiffness, held_out.begins, held_out.ends)
+        for before, after in (("4-state, poles -60", "4-state, tuned"), ("adaptive, published", "adaptive, tuned")):
+            assert times[after].max() < times[before].max()
+            assert times[after].mean() < times[before].mean()
+
+
+def test_wrong_vehicle_speed_moves_the_estimate_but_not_its_zero_crossings():
+    four = next(gains for gains in gain_sets() if gains.label == "4-state, poles -60")
+    rows = speed_rows([four], table_runs("five_phase").select([0, 12]), factors=(0.8, 1.0, 1.2))
+    assert rows[1]["XBS rms"] < 0.1 < rows[0]["XBS rms"] < 0.4 and 0.1 < rows[2]["XBS rms"] < 0.4
+    assert all(row["off by > 50 ms"] == 0 and row["95 % [ms]"] < 5 for row in rows)
+
+
+def test_tracking_keeps_cycling_where_open_loop_locks():
+    """Hoang et al. 2014, Fig. 4: dry, wet at 3 s, snow at 4 s."""
+    all_loops = loops()
+    locked = summary(drive("open", all_loops["open loop, quick rates"]))
+    assert locked["ends"].startswith("locked at 4.")
+    for kind in ("4-state", "adaptive"):
+        ride = summary(drive(kind, all_loops[f"tracking, {kind} observer"]))
+        assert ride["ends"] == "cycling" and ride["on snow"] >= 3 and ride["longest cycle [s]"] < 0.7
+
+
+def test_a_task_writes_what_it_says(tmp_path, monkeypatch):
+    few = held_out_runs("five_phase", instants=1).select([0, 40, 80])
+    monkeypatch.setattr("tuning.observer_tasks.held_out_runs", lambda excitation: few)
+    report = tune(TINY, tmp_path)
+    assert {path.name for path in report.files} == {"result.json", "history.png", "held_out.png"}
+    assert all(path.stat().st_size > 1000 for path in report.files)
+    data = read_json(tmp_path / "result.json")
+    assert data["parameters"].keys() == TINY.kind.published.keys() and data["certificate"]["holds"]
+    assert "certified" in report.lines[-1]
