@@ -134,8 +134,8 @@ class ObserverConfig:
 def random_surfaces(rng: np.random.Generator, count: int) -> list[Burckhardt]:
     """Surfaces beyond the published ones on either side: from cobblestones to snow.
 
-    c1 is log-uniform in [0.18, 1.4], c2 in [5, 120], c3 / c1 uniform in [0.3, 0.5].
+    c1 is log-uniform in [0.15, 1.4], c2 in [5, 130], c3 / c1 uniform in [0.3, 0.5].
     """
-    c1, c2 = (np.exp(rng.uniform(np.log(low), np.log(high), count)) for low, high in ((0.18, 1.4), (5.0, 120.0)))
+    c1, c2 = (np.exp(rng.uniform(np.log(low), np.log(high), count)) for low, high in ((0.15, 1.4), (5.0, 130.0)))
     c3 = c1 * rng.uniform(0.3, 0.5, count)
     return [Burckhardt(float(a), float(b), float(c)) for a, b, c in zip(c1, c2, c3)]

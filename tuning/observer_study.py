@@ -127,8 +127,8 @@ def settling_rows(sets: Sequence[GainSet], runs: Scenarios, excitation: str) -> 
 
 def held_out_rows(sets: Sequence[GainSet], runs: Scenarios, excitation: str) -> list[dict[str, Any]]:
     """Settling over changes that were not tuned on; by the road changed to, the worst, s."""
-    names = np.array([n for n, s in SURFACES.items()])
-    second = np.array([names[np.argmin(np.abs([s.c2 - c for s in SURFACES.values()]))] for c in runs.surfaces.c2[:, 1]])
+    name_of = {tyre.c2: name for name, tyre in SURFACES.items()}
+    second = np.array([name_of[float(c2)] for c2 in np.asarray(runs.surfaces.c2)[:, 1]])
     rows = []
     for gains in sets:
         result = estimates(gains, runs)
