@@ -2,7 +2,6 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -15,13 +14,13 @@ from absjax.road import SURFACES, UniformRoad
 from absjax.tyre import Burckhardt
 from absjax.vehicle import QuarterCar, Wheel
 from tuning import published
-from tuning.entries import ConfigError, choice, from_json, require, tyre_of
+from tuning.entries import ConfigError, Entries, choice, require, tyre_of
 
 CONTROLLERS: dict[str, type[FivePhase]] = {"five_phase": FivePhase}
 
 
 @dataclasses.dataclass(frozen=True)
-class TuningConfig:
+class TuningConfig(Entries):
     """What to tune, over what, under which limits. JSON keys are the names of the fields.
 
     Attributes:
@@ -105,19 +104,6 @@ class TuningConfig:
             tyre_of(road)
         self.base_controller()
         self.loop(self.base_controller())
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> "TuningConfig":
-        """Build from a dictionary as JSON gives it.
-
-        Raises:
-            ConfigError: naming the entry that is unknown, of the wrong kind or out of range.
-        """
-        return from_json(cls, data)
-
-    def to_json(self) -> dict[str, Any]:
-        """A plain dictionary that `from_json` reads back."""
-        return dataclasses.asdict(self)
 
     def base_controller(self) -> FivePhase:
         """The controller the descent starts from."""

@@ -2,34 +2,41 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import Any, Self
 
 from absjax.road import surface
 from absjax.tyre import Burckhardt
 
 LEAST_FRICTION = 0.01
 """Peak friction below which a road is taken for a mistake; ice has 0.05."""
-T = TypeVar("T")
 
 
 class ConfigError(ValueError):
     """A configuration that cannot be used; the message names the entry."""
 
 
-def from_json(cls: type[T], data: Mapping[str, Any]) -> T:
-    """Build a configuration dataclass from a dictionary as JSON gives it.
+class Entries:
+    """Mixin of a configuration dataclass: from and to what JSON holds. Keys are the names of the fields."""
 
-    Raises:
-        ConfigError: naming the entry that is unknown, of the wrong kind or out of range.
-    """
-    if not isinstance(data, Mapping):
-        raise ConfigError(f"a configuration is a dictionary, not {type(data).__name__}")
-    known = {field.name: field for field in dataclasses.fields(cls)}
-    values = {}
-    for name, value in data.items():
-        choice("configuration", name, known)
-        values[name] = _converted(name, value, known[name].type)
-    return cls(**values)
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Build from a dictionary as JSON gives it.
+
+        Raises:
+            ConfigError: naming the entry that is unknown, of the wrong kind or out of range.
+        """
+        if not isinstance(data, Mapping):
+            raise ConfigError(f"a configuration is a dictionary, not {type(data).__name__}")
+        known = {field.name: field for field in dataclasses.fields(cls)}
+        values = {}
+        for name, value in data.items():
+            choice("configuration", name, known)
+            values[name] = _converted(name, value, known[name].type)
+        return cls(**values)
+
+    def to_json(self) -> dict[str, Any]:
+        """A plain dictionary that `from_json` reads back."""
+        return dataclasses.asdict(self)
 
 
 def choice(entry: str, value: Any, allowed) -> None:

@@ -2,19 +2,18 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from absjax.tyre import Burckhardt
 from absjax.vehicle import Wheel
-from tuning.entries import ConfigError, choice, from_json, require, tyre_of
+from tuning.entries import ConfigError, Entries, choice, require, tyre_of
 from tuning.observers import KINDS, Kind
 
 
 @dataclasses.dataclass(frozen=True)
-class ObserverConfig:
+class ObserverConfig(Entries):
     """What to tune, on what. JSON keys are the names of the fields.
 
     Attributes:
@@ -116,19 +115,6 @@ class ObserverConfig:
                 f"start.{name}", self.initial()[name], low <= self.initial()[name] <= high, f"in [{low:g}, {high:g}]"
             )
         return names, np.array([low for low, _ in pairs]), np.array([high for _, high in pairs])
-
-    @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> "ObserverConfig":
-        """Build from a dictionary as JSON gives it.
-
-        Raises:
-            ConfigError: naming the entry that is unknown, of the wrong kind or out of range.
-        """
-        return from_json(cls, data)
-
-    def to_json(self) -> dict[str, Any]:
-        """A plain dictionary that `from_json` reads back."""
-        return dataclasses.asdict(self)
 
 
 def random_surfaces(rng: np.random.Generator, count: int) -> list[Burckhardt]:

@@ -11,6 +11,9 @@ from absjax.observers.sampled import Observation, Sample
 from tuning.observer_study import RigStudy
 from tuning.scenarios import Scenarios
 
+NOISIEST = 1.0
+"""Noise of XBS beyond which a point of the trade-off is drawn at the edge."""
+
 
 def plain_axes(rows: int = 1, height: float = 2.6, **options: Any):
     figure, axes = plt.subplots(rows, 1, figsize=(10, height * rows), layout="constrained", **options)
@@ -159,9 +162,11 @@ def trade_off_figure(curves: Mapping[str, Sequence[Mapping[str, float]]], points
         ordered = sorted(curve, key=lambda point: point["noise"])
         axes.plot([p["noise"] for p in ordered], [p["mean"] for p in ordered], "o-", ms=4, label=f"{label}, tuned")
     for label, point in points.items():
-        axes.plot(point["noise"], point["mean"], "k^", ms=6)
-        axes.annotate(label, (point["noise"], point["mean"]), fontsize=8, xytext=(5, 4), textcoords="offset points")
-    axes.set(xscale="log", yscale="log", xlabel="XBS rms caused by 0.5 m/s² of noise on x2")
+        noise = min(point["noise"], NOISIEST)
+        label += "" if noise == point["noise"] else " (diverges)"
+        axes.plot(noise, point["mean"], "k^", ms=6)
+        axes.annotate(label, (noise, point["mean"]), fontsize=8, xytext=(5, 4), textcoords="offset points")
+    axes.set(xscale="log", yscale="log", xlabel="XBS rms caused by 0.5 m/s² of noise on x2", xlim=(0.08, 2 * NOISIEST))
     axes.set_ylabel("mean settling time after a road change [s]")
     axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize="small")
