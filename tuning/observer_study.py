@@ -9,7 +9,6 @@ from importlib import resources
 from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from absjax.observers import least_squares
@@ -260,16 +259,16 @@ def rig_sets(tyre, tuned: Sequence[GainSet]) -> list[GainSet]:
     return [known, *sets, *tuned]
 
 
-def perturbation(runs: Scenarios, amplitude: float = 0.02) -> np.ndarray:
-    """An oscillation of y with the wheel's angle, as an imperfect encoder causes: amplitude w^2 sin(angle), m/s^2.
+def perturbation(runs: Scenarios, ripple: float = 0.002) -> np.ndarray:
+    """Oscillation of y with the wheel's angle that an imperfect encoder causes, m/s^2, (runs, samples).
 
-    Its amplitude falls with the speed. Source: Aguado-Rojas 2019, Fig. 3.6.
+    An encoder that reads w (1 + ripple cos(angle)) adds R times its derivative, -R ripple w^2 sin(angle): large
+    at speed, vanishing with it. Source: Aguado-Rojas 2019, Fig. 3.6.
+
+    Args:
+        ripple: relative amplitude of the error of the wheel speed.
     """
-    wheel_speed = (1 + runs.slip) * np.asarray(runs.samples.speed) / float(runs.wheel.radius)
+    radius = float(runs.wheel.radius)
+    wheel_speed = (1 + runs.slip) * np.asarray(runs.samples.speed) / radius
     angle = np.cumsum(wheel_speed, axis=1) * runs.period
-    return amplitude * wheel_speed**2 / 30.0 * np.sin(angle)
-
-
-def jax_free(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Rows with plain numbers, for JSON."""
-    return [{k: v.item() if isinstance(v, (np.generic, jnp.ndarray)) else v for k, v in row.items()} for row in rows]
+    return -radius * ripple * wheel_speed**2 * np.sin(angle)

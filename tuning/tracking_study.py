@@ -15,6 +15,7 @@ from absjax.closed_loop import LOCKED, ClosedLoop
 from absjax.control.five_phase import FivePhase
 from absjax.control.tracking import AccelerationTracking
 from absjax.engine import Rollout, rollout
+from absjax.observers.sampled import require_stable
 from absjax.road import ChangingRoad
 from absjax.tyre import Burckhardt
 from absjax.vehicle import QuarterCar, Signals, Wheel
@@ -67,19 +68,26 @@ def loops(parameters: dict[str, dict[str, float]] | None = None, shift: Any = 0.
     }
 
 
-def drive(label: str, loop: ClosedLoop) -> Ride:
-    """Drive one loop, recorded every millisecond."""
+def drive(label: str, loop: ClosedLoop, step: float = STEP) -> Ride:
+    """Drive one loop, recorded every millisecond.
+
+    Raises:
+        RolloutError: if the step is too large for the observer, or the ride fails otherwise.
+    """
     result = rollout(
         loop,
         loop.at(jnp.asarray(SPEED)),
-        step=STEP,
-        steps=round(DURATION / STEP),
+        step=step,
+        steps=round(DURATION / step),
         max_events=800,
-        save_every=4,
+        save_every=round(1e-3 / step),
         save_switches=True,
-    ).raise_if_failed()
+    )
     path = result.trajectory
     told = jax.vmap(loop.signals)(path.time, path.state)
+    if loop.observer is not None:
+        require_stable(loop.observer, path.state.observer, told.acceleration_offset, told.vehicle_speed, step)
+    result.raise_if_failed()
     true = jax.vmap(loop.measured)(path.time, path.state).stiffness
     return Ride(label, loop, result, jax.tree.map(np.asarray, told), np.asarray(true))
 

@@ -97,6 +97,24 @@ class Observation(NamedTuple):
         return self
 
 
+def require_stable(observer: Observer, state: Any, y, speed, step) -> None:
+    """Check the integration step of an observer in the loop, after a rollout.
+
+    Args:
+        state, y, speed: along the run, arrays of equal shape; what is not finite is left out.
+        step: of the integration, s.
+
+    Raises:
+        RolloutError: if step times rate of the error dynamics exceeds `STABLE`; says by how much.
+    """
+    stepping = np.asarray(observer.fastest_rate(state, y, speed)) * step
+    largest = float(np.max(stepping, where=np.isfinite(stepping), initial=0.0))
+    if largest > STABLE:
+        raise RolloutError(
+            f"observer STEP_TOO_LARGE: a step of {step:g} s is {largest / STABLE:.3g} times the largest stable one"
+        )
+
+
 def advance(observer: Observer, state: Any, before: Sample, after: Sample, period, substeps: int = 1):
     """State after `period` [s], the samples joined by straight lines: y and v linear, dPb/dt constant.
 

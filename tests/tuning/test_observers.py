@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from absjax.engine import RolloutError
 from absjax.observers.certificate import certify
 from absjax.road import surface
 from absjax.vehicle import Wheel
@@ -227,6 +228,11 @@ def test_tracking_keeps_cycling_where_open_loop_locks():
     for kind in ("4-state", "adaptive"):
         ride = summary(drive(kind, all_loops[f"tracking, {kind} observer"]))
         assert ride["ends"] == "cycling" and ride["on snow"] >= 3 and ride["longest cycle [s]"] < 0.7
+
+
+def test_a_ride_with_a_step_too_large_for_its_observer_is_refused():
+    with pytest.raises(RolloutError, match=r"STEP_TOO_LARGE: a step of 0\.001 s is .* times"):
+        drive("coarse", loops()["tracking, adaptive observer"], step=1e-3)
 
 
 def test_a_task_writes_what_it_says(tmp_path, monkeypatch):
