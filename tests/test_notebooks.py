@@ -1,6 +1,5 @@
-"""Every notebook runs, ends in assertions, and takes less than a minute."""
+"""Every notebook runs and ends in assertions."""
 
-import time
 from pathlib import Path
 
 import nbformat
@@ -19,6 +18,4 @@ def test_notebook(path, monkeypatch):
     monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
     notebook = nbformat.read(path, as_version=4)
     assert notebook.cells[-1].source.lstrip().startswith("assert")
-    begun = time.monotonic()
-    NotebookClient(notebook, timeout=60, kernel_name="python3").execute()
-    assert time.monotonic() - begun < 60
+    NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
