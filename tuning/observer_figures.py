@@ -130,7 +130,7 @@ def rig_states_figure(study: RigStudy, label: str, estimate_y: np.ndarray):
     upper.plot(study.signals.time, estimate_y, lw=0.7, color="C3", label="estimated")
     lower.plot(study.signals.time, study.truth, "k", lw=0.8, label="from force and slip")
     lower.plot(study.signals.time, study.estimates[label], lw=0.7, color="C3", label="estimated")
-    upper.set(ylabel="x2 [m/s²]", title=label)
+    upper.set(ylabel="x2 [m/s²]", title=label, ylim=(-60, 60))
     lower.set(ylabel="XBS", xlabel="time [s]", ylim=(-3, 8), xlim=(0.5, None))
     for axes in (upper, lower):
         axes.legend(fontsize="small", loc="upper right")
@@ -151,7 +151,9 @@ def held_out_figure(rows: Sequence[Mapping[str, Any]], roads: Sequence[str]):
         axes.set(title=f"{cycle.replace('_', '-')} cycle", yscale="log", ylim=(1e-2, 3))
         axes.grid(axis="y", alpha=0.3, which="both")
     np.atleast_1d(all_axes)[0].set_ylabel("worst settling after the change [s]")
-    np.atleast_1d(all_axes)[0].legend(fontsize="x-small")
+    figure.legend(
+        *np.atleast_1d(all_axes)[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, fontsize=8
+    )
     return figure
 
 

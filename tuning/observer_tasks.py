@@ -219,7 +219,7 @@ def _trade_off(sets, out: Path) -> Report:
     curves, points = {}, {}
     for kind in ("unknown_road", "adaptive"):
         mine = [gains for gains in sets if gains.kind == kind]
-        config = ObserverConfig(observer=kind, iterations=30, substeps=2 * KINDS[kind].substeps)
+        config = ObserverConfig(observer=kind, iterations=15, substeps=2 * KINDS[kind].substeps)
         curve, given = trade_off(config, [gains.parameters for gains in mine], TRADE_OFF_WEIGHTS)
         curves[kind.replace("_", " ")] = curve
         points |= {gains.label: point for gains, point in zip(mine, given)}
