@@ -153,7 +153,8 @@ def training_runs(config: ObserverConfig) -> Scenarios:
 
 def bench_of(config: ObserverConfig, runs: Scenarios) -> Bench:
     """Runs as a bench for the configured observer, with the configured noise."""
-    noise = config.noise * np.random.default_rng(config.seed + 1).normal(size=runs.stiffness.shape)
+    levels = np.resize(config.noise, (runs.runs, 1))
+    noise = levels * np.random.default_rng(config.seed + 1).normal(size=runs.stiffness.shape)
     return Bench(
         runs.samples,
         noise,

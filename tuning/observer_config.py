@@ -28,7 +28,7 @@ class ObserverConfig(Entries):
         speeds: range the initial speeds are drawn from [m/s].
         deceleration: imposed [m/s^2].
         duration: of a run [s]; the road changes once, near the middle.
-        noise: standard deviation of the white noise on y [m/s^2], sample by sample.
+        noise: standard deviations of the white noise on y [m/s^2], sample by sample; dealt out to the runs in turn.
         noise_weight: settling time that 1 of XBS noise is worth [s]; None tunes on the rms of the error.
         period: of the samples [s]; substeps: Runge-Kutta steps per sample, None for what the published
             parameters need.
@@ -48,7 +48,7 @@ class ObserverConfig(Entries):
     speeds: tuple[float, ...] = (12.0, 30.0)
     deceleration: float = 1.96
     duration: float = 2.5
-    noise: float = 0.5
+    noise: tuple[float, ...] = (0.5,)
     noise_weight: float | None = 0.2
     period: float = 1e-3
     substeps: int | None = None
@@ -72,8 +72,10 @@ class ObserverConfig(Entries):
         require("substeps", self.substeps, self.substeps is None or self.substeps >= 1, "an integer >= 1, or null")
         for name in ("duration", "period", "learning_rate", "scatter"):
             require(name, getattr(self, name), 0 < getattr(self, name) < math.inf, "positive")
-        for name in ("noise", "noise_weight", "deceleration"):
+        for name in ("noise_weight", "deceleration"):
             require(name, getattr(self, name), 0 <= (getattr(self, name) or 0.0) < math.inf, ">= 0")
+        sound = len(self.noise) > 0 and all(0 <= level < math.inf for level in self.noise)
+        require("noise", self.noise, sound, "levels >= 0, one at least")
         low, high = self.speeds if len(self.speeds) == 2 else (0.0, -1.0)
         require("speeds", self.speeds, 0 < low <= high, "(lowest, highest)")
         least = self.deceleration * self.duration + 3.0

@@ -48,7 +48,8 @@ class AdaptiveObserver:
     plus: Any = parameter("K'+ = (k1+, k2+), gain while y > 0, shape (2,)", ndim=1)
     minus: Any = parameter("K'- = (k1-, k2-), gain while y < 0, shape (2,)", ndim=1)
     adaptation: Any = parameter("diagonal of G, shape (2,)", ndim=1, low=0.0)
-    start: Any = parameter("th^ at the start, (c, d), shape (2,)", ndim=1, default=(50.0, 2.5))
+    start_c: Any = parameter("c^ at the start", default=50.0, low=0.0)
+    start_d: Any = parameter("d^ at the start", default=2.5, low=0.0)
 
     @classmethod
     def placed(cls, wheel: Wheel, factor, adaptation, ratio: Any = 1.0, **others: Any) -> "AdaptiveObserver":
@@ -65,11 +66,10 @@ class AdaptiveObserver:
         return cls(wheel, gains.plus, gains.minus, jnp.asarray(adaptation), **others)
 
     def at(self, y) -> AdaptiveState:
-        """State before anything is known: the measured y [m/s^2], XBS 0, the road at `start`."""
+        """State before anything is known: the measured y [m/s^2], XBS 0, the road at the start values."""
         zero = 0.0 * y
-        start = jnp.asarray(self.start)
-        c = zero + start[0]
-        return AdaptiveState(y, c / self.wheel.slip_gain * y, c, zero + start[1], zero, zero, zero, zero)
+        c = zero + self.start_c
+        return AdaptiveState(y, c / self.wheel.slip_gain * y, c, zero + self.start_d, zero, zero, zero, zero)
 
     def flow(self, state: AdaptiveState, y, speed, rate) -> AdaptiveState:
         """d(state)/dt from y [m/s^2], v [m/s] and dPb/dt [bar/s]."""

@@ -81,7 +81,7 @@ def matrix_form(observer, samples):
             dw = A @ w + np.array([-B_GAIN, 0.0]) * u + Psi @ theta + injected
             return np.concatenate([dw, G @ Y.T @ C.T @ error, ((A - K @ C) @ Y + Psi).reshape(-1)])
 
-        c, d = observer.start
+        c, d = observer.start_c, observer.start_d
         start = np.array([samples.y[0], c / A_GAIN * samples.y[0], c, d, 0, 0, 0, 0])
     path = [start]
     for k in range(len(time) - 1):

@@ -117,6 +117,11 @@ def read_back(data):
     return json.loads(json.dumps(data))
 
 
+def test_noise_levels_are_dealt_out_to_the_runs(runs):
+    bench = bench_of(dataclasses.replace(TINY, noise=(0.0, 2.0)), runs)
+    np.testing.assert_allclose(np.std(bench.noise, axis=1), [0.0, 2.0, 0.0], atol=0.15)
+
+
 def test_trade_off_goes_from_quick_to_quiet():
     config = dataclasses.replace(TINY, iterations=6, learning_rate=0.2)
     curve, given = trade_off(config, [config.initial()], [0.01, 10.0])
@@ -147,7 +152,8 @@ def test_every_kind_builds_certified_observers_anywhere_in_its_box(kind):
         ({"runs": 0}, "runs = 0"),
         ({"substeps": 0}, "substeps = 0"),
         ({"substeps": 1.5}, "substeps = 1.5 is not of the kind"),
-        ({"noise": -1.0}, "noise = -1.0"),
+        ({"noise": [0.5, -1.0]}, "noise = .* must be levels >= 0"),
+        ({"noise": 0.5}, "noise = 0.5 is not of the kind"),
         ({"speeds": [3.0, 30.0]}, "speeds = .* must be above"),
         ({"speeds": [30.0]}, r"speeds = .* must be \(lowest, highest\)"),
         ({"wheel": {"radius": -1.0}}, r"wheel: Wheel\.radius = -1"),
