@@ -12,6 +12,7 @@ import numpy as np
 from absjax.observers.certificate import certify
 from absjax.observers.excitation import decay_along
 from absjax.observers.sampled import observe
+from absjax.parameters import bounds_of
 from absjax.vehicle import Wheel
 from tuning import observer_figures as figures
 from tuning.car import car_of, read_car
@@ -67,7 +68,8 @@ def _outcome(result: ObserverResult, out: Path, tables, files) -> Report:
     gains = "; ".join(f"{k} ({', '.join(f'{x:.6g}' for x in v)})" for k, v in result.gains.items())
     parameters = ", ".join(f"{k} {v:.5g}" for k, v in result.parameters.items())
     files = [
-        write_json(out / "result.json", {**result.to_json(), "tables": tables}),
+        write_json(out / "result.json", result.to_json()),
+        write_json(out / "tables.json", tables),
         save(figures.tuning_figure(result.history, result.config.observer), out / "history.png"),
         *files,
     ]
@@ -108,7 +110,7 @@ def tune_on_log(
     """Tune on the first part of a log with measured force, and judge on the rest.
 
     Raises:
-        LogError: if the log has no force.
+        LogError: if the log has no force, or is too short to tune on one part and judge on the rest.
     """
     car = car_of(path, car)
     wheel = Wheel() if car is None else read_car(car)
@@ -118,7 +120,10 @@ def tune_on_log(
     signals = observer_signals(log, wheel)
     truth = force_stiffness(signals, identify(log, wheel).segments[0].tyre)
     cut = log.time[0] + LOG_SHARE * (log.time[-1] - log.time[0])
-    config = dataclasses.replace(config, noise_weight=None, period=log.period)
+    if cut < log.time[0] + 2 * SETTLE:
+        raise LogError(f"{path}: {log.time[-1] - log.time[0]:g} s of log; {2 * SETTLE / LOG_SHARE:.2g} s at least")
+    described = {name: float(getattr(wheel, name)) for name in bounds_of(wheel)}
+    config = dataclasses.replace(config, noise_weight=None, period=log.period, wheel=described)
     bench = log_bench(config, signals, truth, wheel, log.time[0] + SETTLE, cut)
     result = tune_observer(config, bench, progress=progress)
     rows, found = [], {}

@@ -245,8 +245,8 @@ def test_a_task_writes_what_it_says(tmp_path, monkeypatch):
     few = held_out_runs("five_phase", instants=1).select(slice(0, None, 3))
     monkeypatch.setattr("tuning.observer_tasks.held_out_runs", lambda excitation: few)
     report = tune(TINY, tmp_path)
-    assert {path.name for path in report.files} == {"result.json", "history.png", "held_out.png"}
+    assert {path.name for path in report.files} == {"result.json", "tables.json", "history.png", "held_out.png"}
     assert all(path.stat().st_size > 1000 for path in report.files)
-    data = read_json(tmp_path / "result.json")
-    assert data["parameters"].keys() == TINY.kind.published.keys() and data["certificate"]["holds"]
+    result = ObserverResult.from_json(read_json(tmp_path / "result.json"))
+    assert result.parameters.keys() == TINY.kind.published.keys() and result.certificate["holds"]
     assert "certified" in report.lines[-1]
