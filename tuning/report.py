@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rich.markup import escape
 from rich.table import Table
 
 from tuning.identify import PARAMETERS, Identification
@@ -69,9 +70,9 @@ def parameter_line(result: TuningResult) -> str:
 
 def rows_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
     """Rows with the same keys as a table: a key a column."""
-    table = Table(title=title)
+    table = Table(title=escape(title))
     for key, value in rows[0].items():
-        table.add_column(key.replace("_", " "), justify="left" if isinstance(value, str) else "right")
+        table.add_column(escape(key.replace("_", " ")), justify="left" if isinstance(value, str) else "right")
     for row in rows:
         table.add_row(*(value.replace("_", " ") if isinstance(value, str) else f"{value:g}" for value in row.values()))
     return table
