@@ -44,18 +44,18 @@ class ObserverConfig(Entries):
     limits: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     wheel: dict[str, float] = dataclasses.field(default_factory=dict)
     roads: tuple[Any, ...] = ()
-    runs: int = 24
+    runs: int = 32
     speeds: tuple[float, ...] = (12.0, 30.0)
     deceleration: float = 1.96
     duration: float = 2.5
     noise: tuple[float, ...] = (0.5,)
-    noise_weight: float | None = 0.2
+    noise_weight: float | None = 0.1
     period: float = 1e-3
     substeps: int | None = None
     starts: int = 4
     screened: int = 64
     scatter: float = 0.7
-    iterations: int = 40
+    iterations: int = 30
     learning_rate: float = 0.08
     seed: int = 0
     refinements: int = 4

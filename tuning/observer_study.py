@@ -48,8 +48,8 @@ class GainSet(NamedTuple):
 
     @property
     def substeps(self) -> int:
-        """Runge-Kutta steps per millisecond: twice what the published gains need, so that none is too large."""
-        return 2 * KINDS[self.kind].substeps
+        """Runge-Kutta steps per millisecond."""
+        return KINDS[self.kind].substeps
 
 
 def gain_sets() -> list[GainSet]:

@@ -41,7 +41,6 @@ from tuning.observer_study import (
     speed_rows,
     table_runs,
 )
-from tuning.observers import KINDS
 from tuning.scenarios import Scenarios
 from tuning.tracking_study import drive, loops, share_locked, summary, tracking_figure
 from tuning.tune_observer import ObserverResult, trade_off, tune_observer
@@ -224,7 +223,7 @@ def _trade_off(sets, out: Path) -> Report:
     curves, points = {}, {}
     for kind in ("unknown_road", "adaptive"):
         mine = [gains for gains in sets if gains.kind == kind]
-        config = ObserverConfig(observer=kind, iterations=15, substeps=2 * KINDS[kind].substeps)
+        config = ObserverConfig(observer=kind, iterations=15)
         curve, given = trade_off(config, [gains.parameters for gains in mine], TRADE_OFF_WEIGHTS)
         curves[kind.replace("_", " ")] = curve
         points |= {gains.label: point for gains, point in zip(mine, given)}

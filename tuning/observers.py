@@ -57,13 +57,13 @@ def _kind(build, substeps: int, **ranges: tuple[float, float, float]) -> Kind:
 
 _FREQUENCY, _DAMPING, _RATIO = (60.0, 5.0, 1000.0), (1.0, 0.3, 5.0), (1.0, 0.1, 10.0)
 KINDS: dict[str, Kind] = {
-    "constant": _kind(_constant, 1, frequency=_FREQUENCY, damping=_DAMPING, ratio=_RATIO),
+    "constant": _kind(_constant, 2, frequency=_FREQUENCY, damping=_DAMPING, ratio=_RATIO),
     "known_road": _kind(
-        _known_road, 1, pole=_FREQUENCY, frequency=_FREQUENCY, damping=_DAMPING, ratio=_RATIO, c2=(24.0, 4.0, 120.0)
+        _known_road, 2, pole=_FREQUENCY, frequency=_FREQUENCY, damping=_DAMPING, ratio=_RATIO, c2=(24.0, 4.0, 120.0)
     ),
     "unknown_road": _kind(
         _unknown_road,
-        1,
+        2,
         frequency1=_FREQUENCY,
         damping1=_DAMPING,
         frequency2=_FREQUENCY,
@@ -74,7 +74,7 @@ KINDS: dict[str, Kind] = {
     ),
     "adaptive": _kind(
         _adaptive,
-        4,
+        8,
         frequency=(80.0, 5.0, 1000.0),
         damping=_DAMPING,
         ratio=_RATIO,
