@@ -8,6 +8,7 @@ import numpy as np
 
 from absjax.observers.excitation import dwell_times, excitation
 from absjax.observers.sampled import Observation, Sample
+from tuning.observer_signals import LogSignals
 from tuning.observer_study import RigStudy
 from tuning.scenarios import Scenarios
 
@@ -15,7 +16,7 @@ NOISIEST = 1.0
 """Noise of XBS beyond which a point of the trade-off is drawn at the edge."""
 
 
-def plain_axes(rows: int = 1, height: float = 2.6, **options: Any):
+def _axes(rows: int = 1, height: float = 2.6, **options: Any):
     figure, axes = plt.subplots(rows, 1, figsize=(10, height * rows), layout="constrained", **options)
     for each in np.atleast_1d(axes):
         each.grid(alpha=0.3)
@@ -33,7 +34,7 @@ def _mark_changes(axes, runs: Scenarios, i: int) -> None:
 
 def excitation_figure(runs: Scenarios, i: int = 0, window: float = 1.0):
     """Eigenvalues of the windowed integral of Psi' Psi, and the dwell times of the sign of y."""
-    figure, (upper, middle, lower) = plain_axes(3)
+    figure, (upper, middle, lower) = _axes(3)
     samples = _run(runs, i)
     values = excitation(samples, runs.period, runs.wheel, window)
     for column, label in ((0, "smaller"), (1, "larger")):
@@ -55,7 +56,7 @@ def excitation_figure(runs: Scenarios, i: int = 0, window: float = 1.0):
 
 def states_figure(runs: Scenarios, observed: Observation, i: int = 0, title: str = ""):
     """Errors of the adaptive observer: states w and parameters theta."""
-    figure, (upper, lower) = plain_axes(2, sharex=True)
+    figure, (upper, lower) = _axes(2, sharex=True)
     samples, state = _run(runs, i), observed.state
     road = np.clip(np.searchsorted(runs.begins[i], runs.time, side="right") - 1, 0, None)
     c = np.asarray(runs.surfaces.c2)[i][road]
@@ -75,7 +76,7 @@ def states_figure(runs: Scenarios, observed: Observation, i: int = 0, title: str
 
 def stiffness_figure(runs: Scenarios, estimates: Mapping[str, np.ndarray], i: int = 0, title: str = "", zoom=None):
     """XBS true and estimated, and the errors, of one run."""
-    figure, (upper, lower) = plain_axes(2, sharex=True)
+    figure, (upper, lower) = _axes(2, sharex=True)
     upper.plot(runs.time, runs.stiffness[i], "k", lw=1.0, label="true")
     for label, estimate in estimates.items():
         upper.plot(runs.time, estimate[i], lw=0.7, label=label)
@@ -92,7 +93,7 @@ def stiffness_figure(runs: Scenarios, estimates: Mapping[str, np.ndarray], i: in
 
 def offset_figure(runs: Scenarios, noise: np.ndarray, i: int = 0, zoom=(1.0, 2.0)):
     """The wheel acceleration offset, and as it is measured."""
-    figure, axes = plain_axes(1, 3.2)
+    figure, axes = _axes(1, 3.2)
     axes.plot(runs.time, runs.samples.y[i] + noise[i], lw=0.7, label="measured")
     axes.plot(runs.time, runs.samples.y[i], "k", lw=0.9, label="true")
     axes.set(
@@ -125,7 +126,7 @@ def rig_figure(study: RigStudy, labels: Sequence[str] | None = None, zoom=(2.0, 
 
 def rig_states_figure(study: RigStudy, label: str, estimate_y: np.ndarray):
     """Wheel acceleration offset and XBS on a rig log, measured against estimated."""
-    figure, (upper, lower) = plain_axes(2, sharex=True)
+    figure, (upper, lower) = _axes(2, sharex=True)
     upper.plot(study.signals.time, study.signals.samples.y, "k", lw=0.8, label="from the wheel speed")
     upper.plot(study.signals.time, estimate_y, lw=0.7, color="C3", label="estimated")
     lower.plot(study.signals.time, study.truth, "k", lw=0.8, label="from force and slip")
@@ -134,6 +135,18 @@ def rig_states_figure(study: RigStudy, label: str, estimate_y: np.ndarray):
     lower.set(ylabel="XBS", xlabel="time [s]", ylim=(-3, 8), xlim=(0.5, None))
     for axes in (upper, lower):
         axes.legend(fontsize="small", loc="upper right")
+    return figure
+
+
+def log_figure(signals: LogSignals, truth: np.ndarray, estimates: Mapping[str, np.ndarray], cut: float):
+    """XBS of a log before and after tuning; the part tuned on lies left of `cut`."""
+    figure, axes = _axes()
+    axes.plot(signals.time, truth, "k", lw=0.9, label="from force")
+    for label, estimate in estimates.items():
+        axes.plot(signals.time, estimate, lw=0.7, label=label)
+    axes.axvline(cut, color="k", ls=":", lw=0.8)
+    axes.set(xlabel="time [s]", ylabel="XBS", ylim=(-3, 5), title="tuned on the left of the line")
+    axes.legend(fontsize="small")
     return figure
 
 
@@ -177,7 +190,7 @@ def trade_off_figure(curves: Mapping[str, Sequence[Mapping[str, float]]], points
 
 def tuning_figure(history: Sequence[Sequence[float]], title: str):
     """Cost of the descents by iteration."""
-    figure, axes = plain_axes(1, 4)
+    figure, axes = _axes(1, 4)
     axes.semilogy(np.asarray(history), lw=0.9)
     axes.set(xlabel="iteration", ylabel="cost [s]", title=f"{title}: best {np.nanmin(history):.4f}")
     return figure

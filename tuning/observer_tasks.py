@@ -133,19 +133,8 @@ def tune_on_log(
         parts = {"tuned on": (log.time >= log.time[0] + SETTLE) & (log.time < cut), "held out": log.time >= cut}
         rows.append({"gains": gains.label, **{k: round(float(rms(error, part)), 4) for k, part in parts.items()}})
     title = f"rms of XBS against force, before and after {cut:g} s of {path.name}"
-    file = save(_log_figure(signals, truth, found, cut), out / "log.png")
+    file = save(figures.log_figure(signals, truth, found, cut), out / "log.png")
     return _outcome(result, out, {title: rows}, [file])
-
-
-def _log_figure(signals, truth, found, cut):
-    figure, axes = figures.plain_axes()
-    axes.plot(signals.time, truth, "k", lw=0.9, label="from force")
-    for label, estimate in found.items():
-        axes.plot(signals.time, estimate, lw=0.7, label=label)
-    axes.axvline(cut, color="k", ls=":", lw=0.8)
-    axes.set(xlabel="time [s]", ylabel="XBS", ylim=(-3, 5), title="tuned on the left of the line")
-    axes.legend(fontsize="small")
-    return figure
 
 
 def study(out: Path) -> Iterator[Report]:

@@ -44,19 +44,19 @@ class Ride(NamedTuple):
     true_stiffness: np.ndarray
 
 
-def loops(parameters: dict[str, dict[str, float]] | None = None, shift: Any = 0.0) -> dict[str, ClosedLoop]:
-    """The loops that are compared: two without feedback, tracking on the true and on two estimated XBS.
+def loops(shift: Any = 0.0) -> dict[str, ClosedLoop]:
+    """The loops that are compared: two without feedback, tracking on the true and on two estimated XBS
+    (published gains).
 
     Args:
-        parameters: gains of the observers by kind; the published ones where not given.
         shift: added to the instants of the changes, s, scalar or (lanes,).
     """
-    wheel, parameters = Wheel(), parameters or {}
+    wheel = Wheel()
     car = QuarterCar(wheel, ChangingRoad(ROADS, tuple(change + shift for change in CHANGES)))
     brake = Brake(rate_limit=750.0, driver_pressure=150.0)
 
     def observer(kind):
-        return KINDS[kind].build(wheel, {**KINDS[kind].published, **parameters.get(kind, {})})
+        return KINDS[kind].build(wheel, KINDS[kind].published)
 
     tracking = AccelerationTracking(FIVE, wheel)
     return {
