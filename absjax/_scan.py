@@ -49,7 +49,7 @@ def _zero_tangent(leaf):
 def _segment(system_axes, plan: Plan):
     """`(system, grid, lanes) -> (lanes, records)` over `plan.length` iterations, with its derivative rule."""
 
-    def iterate(system, grid, lanes, keep_lanes):
+    def iterate(system, grid, lanes, keep_trace):
         def body(before, _):
             after, kept = _lanes.advance(Tile(system, system_axes), grid, before)
             record = None
@@ -57,17 +57,17 @@ def _segment(system_axes, plan: Plan):
                 jumped = ~kept & (before.doing >= _lanes.CROSSING)
                 arrived = ~kept & (before.doing == _lanes.NORMAL)
                 record = Record(after.state, after.left, after.index, before.mode, after.mode, arrived, jumped)
-            trace = (before._replace(local=None), kept) if keep_lanes else None
+            trace = (before._replace(local=None), kept) if keep_trace else None
             return after, (record, trace)
 
-        return lax.scan(body, lanes, None, length=plan.length)
+        after, (records, trace) = lax.scan(body, lanes, None, length=plan.length)
+        return after, records, trace
 
-    @jax.custom_jvp
-    def segment(system, grid, lanes):
-        after, (records, _) = iterate(system, grid, lanes, keep_lanes=False)
-        return after, records
+    @partial(jax.custom_jvp, nondiff_argnums=(3,))
+    def segment(system, grid, lanes, keep_trace):
+        return iterate(system, grid, lanes, keep_trace)
 
-    def rule(primals, tangents):
+    def rule(keep_trace, primals, tangents):
         system, grid, lanes = primals
         if any(not isinstance(dot, SymbolicZero) and dot.dtype != jax.dtypes.float0 for dot in tangents[1]):
             raise TypeError("a rollout has no derivative with respect to `step` and `start`")
@@ -75,7 +75,7 @@ def _segment(system_axes, plan: Plan):
         dots = jax.tree.leaves(tangents[0], is_leaf=lambda t: isinstance(t, SymbolicZero))
         live = [not isinstance(dot, SymbolicZero) and dot.dtype != jax.dtypes.float0 for dot in dots]
         moving = [dot for dot, alive in zip(dots, live) if alive]
-        after, (records, (befores, kepts)) = iterate(system, grid, lanes, keep_lanes=True)
+        after, records, trace = segment(system, grid, lanes, True)
 
         def tile_of(values):
             values = iter(values)
@@ -85,21 +85,33 @@ def _segment(system_axes, plan: Plan):
         def tangent(carry, trace):
             before, kept = trace
             values = [leaf for leaf, alive in zip(leaves, live) if alive]
-            carry = _tangent.tangent(tile_of, values, grid, before, kept, moving, *carry)
-            return carry, carry if plan.save else None
+            *following, d_step = _tangent.tangent(tile_of, values, grid, before, kept, moving, *carry)
+            path = (tuple(following) if plan.save else None, (*carry, d_step) if keep_trace else None)
+            return tuple(following), path
 
         dense = partial(jax.tree.map, lambda t: jnp.zeros(t.shape, t.dtype) if isinstance(t, SymbolicZero) else t)
         is_zero = {"is_leaf": lambda t: isinstance(t, SymbolicZero)}
         start = (dense(tangents[2].state, **is_zero), dense(tangents[2].left, **is_zero))
-        (d_state, d_left), d_path = lax.scan(jax.checkpoint(tangent, prevent_cse=False), start, (befores, kepts))
+        (d_state, d_left), (d_path, d_trace) = lax.scan(jax.checkpoint(tangent, prevent_cse=False), start, trace)
         d_after = jax.tree.map(_zero_tangent, after)._replace(state=d_state, left=d_left)
         d_records = jax.tree.map(_zero_tangent, records)
         if plan.save:
             d_records = d_records._replace(state=d_path[0], left=d_path[1])
-        return (after, records), (d_after, d_records)
+        # The trace is what the tangent is computed from: its own tangent makes the second derivative.
+        d_lanes = jax.tree.map(_zero_tangent, trace)
+        if keep_trace:
+            before, kept = d_lanes
+            d_lanes = (before._replace(state=d_trace[0], left=d_trace[1], landing=d_trace[2]), kept)
+        else:
+            d_lanes = None
+        return (after, records, trace if keep_trace else None), (d_after, d_records, d_lanes)
 
     segment.defjvp(rule, symbolic_zeros=True)
-    return jax.checkpoint(segment, prevent_cse=False) if plan.checkpoint else segment
+
+    def untraced(system, grid, lanes):
+        return segment(system, grid, lanes, False)[:2]
+
+    return jax.checkpoint(untraced, prevent_cse=False) if plan.checkpoint else untraced
 
 
 def run_tile(system, state, mode, grid: Grid, system_axes, plan: Plan):

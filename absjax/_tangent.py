@@ -29,7 +29,7 @@ def tangent(
     d_state: Any,
     d_left,
 ):
-    """Tangents of state and time left after the iteration.
+    """Tangents of state and time left after the iteration, and of the size of a step that ended on a guard.
 
     Args:
         tile_of: the tile for given parameters.
@@ -72,4 +72,5 @@ def tangent(
     if tile.ticks:
         _, d_end = transition(lambda p, t, x: tile_of(p).tick(t, x, lanes.mode)[0], tile.ticking(lanes), state, d_end)
     d_left_after = jnp.where(normal, 0.0, d_left - d_step)
-    return tree_where(kept, d_state, d_end), jnp.where(kept, d_left, d_left_after)
+    d_landing = jnp.where(normal, 0.0, d_step)
+    return tree_where(kept, d_state, d_end), jnp.where(kept, d_left, d_left_after), d_landing
