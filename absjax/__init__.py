@@ -2,7 +2,11 @@
 
 from absjax.actuator import Brake
 from absjax.closed_loop import ClosedLoop, SampledLoop
+from absjax.control.bosch import BoschLogic
+from absjax.control.driver import DriverBraking
 from absjax.control.five_phase import FivePhase
+from absjax.control.slip import SlipControl
+from absjax.control.stiffness import StiffnessControl
 from absjax.control.tracking import AccelerationTracking
 from absjax.control.two_phase import TwoPhase
 from absjax.engine import Rollout, RolloutError, Status, rollout
@@ -23,12 +27,14 @@ __all__ = [
     "SURFACES",
     "AccelerationTracking",
     "AdaptiveObserver",
+    "BoschLogic",
     "Brake",
     "Burckhardt",
     "Certificate",
     "ChangingRoad",
     "Clamped",
     "ClosedLoop",
+    "DriverBraking",
     "ExponentialBasis",
     "FivePhase",
     "HybridSystem",
@@ -40,8 +46,10 @@ __all__ = [
     "RolloutError",
     "Sample",
     "SampledLoop",
+    "SlipControl",
     "Smooth",
     "Status",
+    "StiffnessControl",
     "Stop",
     "SwitchedObserver",
     "TestRig",

@@ -31,11 +31,13 @@ class Controller(Protocol):
     """An anti-lock controller: an automaton on signals that commands a pressure rate.
 
     `kept` is what it keeps from one switching to the next, a pytree of float scalars; () for nothing.
+    `cycle_phase` is the phase whose entry counts a cycle; None for a controller that does not cycle.
+    A phase of `absjax.hybrid.UNDEFINED` ends the lane: the law is not defined any more.
     """
 
     phases: tuple[str, ...]
     slots: int
-    cycle_phase: int
+    cycle_phase: int | None
 
     def at(self, signals: Signals) -> Any:
         """What it keeps at the start."""
@@ -105,9 +107,18 @@ class ClosedLoop:
 
     def at(self, speed) -> LoopState:
         """State of free rolling at `speed` [m/s] with the brake released."""
+        return self._begin(self.plant.at(speed), speed, 0.0 * speed)
+
+    def braking(self, speed, slip, offset) -> LoopState:
+        """State of braking at a slip lambda < 0 and an acceleration offset x2 [m/s^2], the pressure as they need."""
+        plant = self.plant.at(speed)._replace(wheel_speed=(1 + slip) * speed / self.plant.wheel.radius)
+        released = self.plant.signals(0.0 * speed, plant, 0.0 * speed).acceleration_offset
+        return self._begin(plant, speed, (released - offset) / self.plant.wheel.pressure_gain)
+
+    def _begin(self, plant, speed, pressure) -> LoopState:
         zero = 0.0 * speed
-        plant, brake = self.plant.at(speed), self.brake.at(zero)
-        signals = self.plant.signals(zero, plant, zero)
+        brake = self.brake.at(pressure)
+        signals = self.plant.signals(zero, plant, pressure)
         observer = None if self.observer is None else self.observer.at(signals.acceleration_offset)
         state = LoopState(plant, brake, observer, (), Memory(zero, speed, zero, zero, zero, zero))
         return state._replace(controller=self.controller.at(self.told(signals, state)))
@@ -178,7 +189,8 @@ class ClosedLoop:
         controller, following = self.controller.switch(signals, state.controller, self.phase(mode), slot)
         memory = state.memory
         first = memory.onset_time == 0
-        cycles = following == self.controller.cycle_phase
+        phase = self.controller.cycle_phase
+        cycles = jnp.zeros((), bool) if phase is None else following == phase
         memory = Memory(
             jnp.where(first, time, memory.onset_time),
             jnp.where(first, self.plant.speed_of(time, state.plant), memory.onset_speed),

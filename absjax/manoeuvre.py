@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from absjax._numerics import safe_divide
 from absjax.closed_loop import LOCKED, ClosedLoop, SampledLoop
 from absjax.engine import Rollout, Status, rollout
+from absjax.hybrid import UNDEFINED
 from absjax.parameters import concrete
 from absjax.vehicle import GRAVITY
 
@@ -27,6 +28,8 @@ class Outcome(enum.IntEnum):
     """More switchings than `max_events`."""
     DIVERGED = 4
     """The state left the finite numbers."""
+    CONTROL_UNDEFINED = 5
+    """The controller came to where its law is not defined; distances are those up to there."""
 
 
 class Stop(NamedTuple):
@@ -42,7 +45,7 @@ class Stop(NamedTuple):
         ideal_distance: the same with the largest friction the road offers [m].
         cycles: cycles of the controller.
         longest_cycle: longest time between the starts of two cycles, or from the last one to the end [s]:
-            a controller that sticks in a phase shows here. Differentiable.
+            a controller that sticks in a phase shows here. Differentiable. 0 for one that does not cycle.
         outcome: an `Outcome` code.
         rollout: the rollout behind it.
     """
@@ -127,10 +130,19 @@ def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
     peak = loop.plant.road.mean_peak_friction((memory.onset_time, memory.onset_position), (result.time, position))
     equivalent = safe_divide(speed**2, 2 * GRAVITY * mean_friction, mean_friction > 0, jnp.inf)
     outcome = jnp.select(
-        [locked, result.status == Status.FINISHED, result.status == Status.COMPLETED, result.status == Status.DIVERGED],
-        [Outcome.LOCKED, Outcome.STOPPED, Outcome.STILL_MOVING, Outcome.DIVERGED],
+        [
+            locked,
+            result.mode == UNDEFINED,
+            result.status == Status.FINISHED,
+            result.status == Status.COMPLETED,
+            result.status == Status.DIVERGED,
+        ],
+        [Outcome.LOCKED, Outcome.CONTROL_UNDEFINED, Outcome.STOPPED, Outcome.STILL_MOVING, Outcome.DIVERGED],
         Outcome.BUDGET_EXHAUSTED,
     )
+    longest = jnp.maximum(memory.longest_cycle, result.time - memory.cycle_time)
+    if loop.controller.cycle_phase is None:
+        longest = 0.0 * longest
     return Stop(
         distance=distance,
         duration=duration,
@@ -139,7 +151,7 @@ def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
         equivalent_distance=equivalent,
         ideal_distance=speed**2 / (2 * GRAVITY * peak),
         cycles=memory.cycles,
-        longest_cycle=jnp.maximum(memory.longest_cycle, result.time - memory.cycle_time),
+        longest_cycle=longest,
         outcome=outcome,
         rollout=result,
     )

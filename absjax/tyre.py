@@ -61,6 +61,10 @@ class Burckhardt:
         sign = _sign(slip)
         return -sign * self.c1 * self.c2**2 * jnp.exp(-(self.c2 * sign * slip))
 
+    def slip_at(self, stiffness):
+        """Slip lambda < 0 at which XBS has a value in (-c3, c1 c2 - c3)."""
+        return -jnp.log(self.c1 * self.c2 / (stiffness + self.c3)) / self.c2
+
     def peak(self) -> Peak:
         """Peak at s* = ln(c1 c2 / c3) / c2; without one inside (0, 1) the end of the interval is the peak."""
         ratio_ok = (self.c3 > 0) & (self.c2 > 0) & (self.c1 * self.c2 > self.c3)

@@ -22,6 +22,8 @@ class Signals(NamedTuple):
 
     vehicle_speed: jax.Array
     """v [m/s]"""
+    vehicle_acceleration: jax.Array
+    """v' [m/s^2]"""
     wheel_speed: jax.Array
     """w [rad/s]"""
     acceleration_offset: jax.Array
@@ -127,7 +129,16 @@ class QuarterCar:
         offset = self.wheel.radius * slope.wheel_speed - slope.speed
         slip = self.wheel.slip(state.wheel_speed, state.speed)
         stiffness = self.road.stiffness(slip, time, state.distance)
-        return Signals(state.speed, state.wheel_speed, offset, self.wheel.radius, pressure, stiffness, time)
+        return Signals(
+            vehicle_speed=state.speed,
+            vehicle_acceleration=slope.speed,
+            wheel_speed=state.wheel_speed,
+            acceleration_offset=offset,
+            radius=self.wheel.radius,
+            pressure=pressure,
+            stiffness=stiffness,
+            time=time,
+        )
 
     def speed_of(self, time, state: CarState):
         """v [m/s]."""
@@ -183,7 +194,16 @@ class TestRig:
         offset = self.wheel.radius * slope.wheel_speed - self.acceleration
         speed = self.speed_of(time)
         stiffness = self.road.stiffness(self.wheel.slip(state.wheel_speed, speed), time, self.position(time))
-        return Signals(speed, state.wheel_speed, offset, self.wheel.radius, pressure, stiffness, time)
+        return Signals(
+            vehicle_speed=speed,
+            vehicle_acceleration=self.acceleration + 0.0 * speed,
+            wheel_speed=state.wheel_speed,
+            acceleration_offset=offset,
+            radius=self.wheel.radius,
+            pressure=pressure,
+            stiffness=stiffness,
+            time=time,
+        )
 
     def at(self, speed) -> RigState:
         """State of free rolling at drum speed `speed` [m/s]."""

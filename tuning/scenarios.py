@@ -132,7 +132,9 @@ def simulate(
     controller = _two_phase(stacked, wheel) if excitation == "two_phase" else AccelerationTracking(FIVE, wheel)
     loop = ClosedLoop(plant, Brake(driver_pressure=DRIVER_PRESSURE), controller)
     steps = round(duration / period)
-    result = rollout(loop, loop.at(jnp.asarray(speed)), step=period, steps=steps, save_every=1, max_events=3000)
+    start = controller.phases.index("apply") if excitation == "two_phase" else 0
+    state = loop.at(jnp.asarray(speed))
+    result = rollout(loop, state, start, step=period, steps=steps, save_every=1, max_events=3000)
     result.raise_if_failed()
     samples, stiffness, slip = jax.tree.map(np.asarray, _signals(loop, result.trajectory))
     onset = np.asarray(result.state.memory.onset_time)

@@ -17,18 +17,12 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 
+from absjax.control.phases import by_phase
 from absjax.parameters import model, parameter
 from absjax.vehicle import Signals
 
 Number = jax.Array | float
 _TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
-
-
-def _by_phase(mode, values):
-    chosen = values[-1]
-    for phase, value in reversed(list(enumerate(values[:-1]))):
-        chosen = jnp.where(mode == phase, value, chosen)
-    return chosen
 
 
 @model
@@ -61,14 +55,14 @@ class FivePhase:
 
     def rate(self, signals: Signals, kept, mode):
         """Commanded dPb/dt [bar/s]."""
-        strength = _by_phase(mode, (self.ramp * self.u4, -self.u1, 0.0, self.u3, self.u4, 0.0))
+        strength = by_phase(mode, (self.ramp * self.u4, -self.u1, 0.0, self.u3, self.u4, 0.0))
         return strength / (signals.radius * signals.wheel_speed)
 
     def guards(self, signals: Signals, kept, mode):
         """Slot 0: the threshold that leads on; slot 1: the fall-back of phase 2."""
         x2 = signals.acceleration_offset
         rising = (mode == 1) | (mode == 2)
-        threshold = _by_phase(mode, (-self.eps0, self.eps1, self.eps2, self.eps3, -self.eps4, -self.eps5))
+        threshold = by_phase(mode, (-self.eps0, self.eps1, self.eps2, self.eps3, -self.eps4, -self.eps5))
         onward = jnp.where(rising, x2 - threshold, threshold - x2)
         return onward, jnp.where(mode == 2, self.fallback * self.eps1 - x2, -1.0)
 

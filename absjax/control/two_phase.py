@@ -2,12 +2,14 @@
 
 | phase | z1* | leaves when |
 |---|---|---|
-| 0 apply | -zref | XBS <= chi_a -> 1 |
-| 1 release | +zref | XBS >= chi_b -> 0 |
+| 0 driver braking | | x2 <= -eps0 -> 1 |
+| 1 release | +zref | XBS >= chi_b -> 2 |
+| 2 apply | -zref | XBS <= chi_a -> 1 |
 
     u = (1/b) [-(a/v) z1 z2 + (kp/v) (z1 - z1*)],  hence  z1' = -(kp/v) (z1 - z1*)
 
-with z1 the wheel acceleration offset and z2 = XBS, true or estimated.
+with z1 the wheel acceleration offset and z2 = XBS, true or estimated. The algorithm assumes that it begins
+with z1 < 0 and z2 < 0, where driver braking ends.
 Source: Aguado-Rojas 2019, section 4.2.
 """
 
@@ -16,6 +18,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 import numpy as np
 
+from absjax.control.driver import DriverBraking
 from absjax.parameters import concrete, model, parameter, part
 from absjax.vehicle import Signals, Wheel
 
@@ -28,14 +31,15 @@ class TwoPhase:
         ValueError: at construction, unless chi_a < chi_b.
     """
 
-    phases: ClassVar[tuple[str, ...]] = ("apply", "release")
+    phases: ClassVar[tuple[str, ...]] = ("driver braking", "release", "apply")
     slots: ClassVar[int] = 1
     cycle_phase: ClassVar[int] = 1
     """the phase whose entry counts a cycle"""
-    thresholds: ClassVar[tuple[str, ...]] = ("zref",)
+    thresholds: ClassVar[tuple[str, ...]] = ("zref", "driver.eps0")
     """the fields that noise of the measured acceleration keeps from being small"""
 
     wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
+    driver: DriverBraking = part("how the manoeuvre begins", default=DriverBraking())
     zref: Any = parameter(
         "zref, acceleration offset to follow, m/s^2", default=20.0, low=0.0, open_low=True, trainable=True
     )
@@ -54,14 +58,16 @@ class TwoPhase:
     def rate(self, signals: Signals, kept, mode):
         """Commanded dPb/dt [bar/s]."""
         offset = signals.acceleration_offset
-        target = jnp.where(mode == 0, -self.zref, self.zref)
+        target = jnp.where(mode == 1, self.zref, -self.zref)
         pull = self.gain * (offset - target) - self.wheel.slip_gain * offset * signals.stiffness
-        return pull / (signals.vehicle_speed * self.wheel.pressure_gain)
+        follow = pull / (signals.vehicle_speed * self.wheel.pressure_gain)
+        return jnp.where(mode == 0, self.driver.rate(signals), follow)
 
     def guards(self, signals: Signals, kept, mode):
         """The threshold that leads on."""
-        return (jnp.where(mode == 0, self.chi_a - signals.stiffness, signals.stiffness - self.chi_b),)
+        on_stiffness = jnp.where(mode == 1, signals.stiffness - self.chi_b, self.chi_a - signals.stiffness)
+        return (jnp.where(mode == 0, self.driver.guard(signals), on_stiffness),)
 
     def switch(self, signals: Signals, kept, mode, slot):
-        """The other phase."""
-        return kept, 1 - mode
+        """Release after driver braking, then one after the other."""
+        return kept, jnp.where(mode == 1, 2, 1)

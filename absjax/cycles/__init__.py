@@ -1,0 +1,1 @@
+"""Limit cycles: in closed form for two phases on XBS, by rollout for any automaton."""

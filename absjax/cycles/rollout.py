@@ -1,0 +1,189 @@
+"""The limit cycle of any automaton, by located rollout: return map, fixed point, contraction.
+
+On a test rig at constant speed a closed loop maps its state where a cycle begins, x, to that where the next one
+does, M(x). The fixed point x = M(x) is found by Newton's method, the derivative of M taken through the located
+switchings. M ends on the threshold that begins the cycle, so M' has one eigenvalue 0; the largest magnitude of the
+others is the contraction of the Poincare map. Both are differentiable: the fixed point implicitly,
+dx = (I - M')^-1 dM, the contraction through the second derivative of the rollout.
+Source: Aguado-Rojas 2019, section 4.3.3 and appendix A, for the Poincare map.
+"""
+
+import enum
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from absjax.closed_loop import ClosedLoop, LoopState, Memory
+from absjax.engine import Status, rollout
+from absjax.hybrid import FINISHED
+from absjax.parameters import lane_axes, model, part
+
+NEWTON_STEPS = 6
+TOLERANCE = 1e-6
+"""Largest |x - M(x)| of a fixed point, as a share of max(|x|, 1)."""
+
+
+class CycleStatus(enum.IntEnum):
+    """What the search for a limit cycle found."""
+
+    FOUND = 0
+    """A fixed point."""
+    NOT_CYCLING = 1
+    """The loop stops cycling: within the horizon no further cycle begins."""
+    NOT_CONVERGED = 2
+    """It cycles, but Newton's method found no fixed point."""
+
+
+class LimitCycle(NamedTuple):
+    """A limit cycle; arrays (lanes,), or scalars without lanes.
+
+    Attributes:
+        state: of the loop where the cycle begins.
+        offset: the wheel acceleration offset there [m/s^2].
+        stiffness: XBS there.
+        period: seconds.
+        contraction: largest magnitude of an eigenvalue of the return map; below 1 the cycle is attractive.
+            Infinite where none was found.
+        status: a `CycleStatus` code.
+    """
+
+    state: LoopState
+    offset: jax.Array
+    stiffness: jax.Array
+    period: jax.Array
+    contraction: jax.Array
+    status: jax.Array
+
+
+@model
+class _Cycles:
+    """The loop until so many cycles have begun."""
+
+    loop: ClosedLoop = part("the loop")
+    count: int = 1
+
+    def flow(self, time, state, mode):
+        return self.loop.flow(time, state, mode)
+
+    def guards(self, time, state, mode):
+        return self.loop.guards(time, state, mode)
+
+    def jump(self, time, state, mode, slot):
+        state, following = self.loop.jump(time, state, mode, slot)
+        return state, jnp.where(state.memory.cycles >= self.count, FINISHED, following)
+
+
+def limit_cycle(
+    loop: ClosedLoop, *, warm_up: int = 12, horizon: float = 2.0, step: float = 1e-3, max_events: int = 40
+) -> LimitCycle:
+    """The limit cycle a closed loop settles on, with its contraction.
+
+    Args:
+        loop: on an `absjax.vehicle.TestRig` at constant speed; leaves with a leading axis make an ensemble. What
+            the controller keeps must be decided where a cycle begins (`Controller.at`), as of all controllers here.
+        warm_up: cycles from the first touch of the pedal before the search begins.
+        horizon: longest time for one cycle [s].
+        step: grid step [s].
+        max_events: switchings in one cycle.
+
+    Returns:
+        A `LimitCycle`; every field but `status` is differentiable with respect to the loop.
+
+    Raises:
+        ValueError: if the controller does not cycle, or the loop has a stop speed.
+    """
+    if loop.controller.cycle_phase is None:
+        raise ValueError(f"{type(loop.controller).__name__} does not cycle; it has no limit cycle")
+    if loop.stop_speed is not None:
+        raise ValueError("ClosedLoop.stop_speed must be None on a rig at constant speed")
+    steps = round(horizon / step)
+    return _limit_cycle(loop, step, steps, warm_up, max_events)
+
+
+@partial(jax.jit, static_argnums=(1, 2, 3, 4))
+def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
+    first = loop.at(jnp.asarray(loop.plant.speed, jnp.result_type(float)))
+    warm = rollout(_Cycles(loop, warm_up), first, step=step, steps=warm_up * steps, max_events=warm_up * max_events)
+    cycling = warm.status == Status.FINISHED
+    leaves, tree = jax.tree.flatten((warm.state.plant, warm.state.brake, warm.state.observer))
+    start = lax.stop_gradient(jnp.stack(jnp.broadcast_arrays(*leaves), axis=-1))
+
+    def begin(point) -> LoopState:
+        plant, brake, observer = jax.tree.unflatten(tree, [point[..., i] for i in range(point.shape[-1])])
+        zero = 0.0 * point[..., 0]
+        state = LoopState(plant, brake, observer, (), Memory(zero, zero, zero, zero, zero, zero))
+        told = _each(lambda loop, state, time: loop.signals(time, state), loop, state, zero)
+        return state._replace(controller=_each(lambda loop, told: loop.controller.at(told), loop, told))
+
+    def returned(point):
+        begun, phase = begin(point), loop.controller.cycle_phase
+        end = rollout(_Cycles(loop, 1), begun, phase, step=step, steps=steps, max_events=max_events)
+        parts = jax.tree.leaves((end.state.plant, end.state.brake, end.state.observer))
+        return jnp.stack(parts, axis=-1), (end.time, end.status)
+
+    def with_slope(point):
+        """M(x) and M'(x), (..., n, n): lanes do not know of each other, so one direction serves them all."""
+        directions = jnp.eye(point.shape[-1], dtype=point.dtype)
+        image, tangent, rest = jax.linearize(returned, point, has_aux=True)
+        columns = jax.vmap(lambda e: tangent(jnp.broadcast_to(e, point.shape)))(directions)
+        return image, jnp.moveaxis(columns, 0, -1), rest
+
+    identity = jnp.eye(start.shape[-1], dtype=start.dtype)
+
+    def newton(_, carry):
+        point, _ = carry
+        image, slope, _ = with_slope(point)
+        return point + _solve(identity - slope, image - point), slope
+
+    nowhere = jnp.zeros((*start.shape, start.shape[-1]), start.dtype)
+    point, held = lax.stop_gradient(lax.fori_loop(0, NEWTON_STEPS, newton, (start, nowhere)))
+    # One more step, with the slope held, carries the derivative of the fixed point.
+    image, (_, ended) = returned(point)
+    gap = jnp.abs(image - point) / jnp.maximum(jnp.abs(point), 1.0)
+    fixed = jnp.all(gap < TOLERANCE, axis=-1) & (ended == Status.FINISHED)
+    point = jnp.where(fixed[..., None], point + _solve(identity - held, image - point), point)
+    _, slope, (period, _) = with_slope(point)
+    state = begin(point)
+    told = _each(lambda loop, state, time: loop.signals(time, state), loop, state, 0.0 * point[..., 0])
+    reached = jnp.where(fixed, CycleStatus.FOUND, CycleStatus.NOT_CONVERGED)
+    status = jnp.where(cycling, reached, CycleStatus.NOT_CYCLING).astype(jnp.int32)
+    found = status == CycleStatus.FOUND
+    contraction = _largest_eigenvalue(jnp.where(found[..., None, None], slope, 0.0))
+    contraction = jnp.where(found, contraction, jnp.inf)
+    return LimitCycle(state, told.acceleration_offset, told.stiffness, period, contraction, status)
+
+
+def _each(function, loop: ClosedLoop, *arguments):
+    """`function` of one loop over lanes, where there are any."""
+    if jnp.ndim(jax.tree.leaves(arguments)[0]) == 0:
+        return function(loop, *arguments)
+    axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(loop))
+    return jax.vmap(function, in_axes=(axes, *(0 for _ in arguments)))(loop, *arguments)
+
+
+def _solve(matrix, vector):
+    return jnp.linalg.solve(matrix, vector[..., None])[..., 0]
+
+
+def _largest_eigenvalue(matrix):
+    """Magnitude of the eigenvalue of largest magnitude; d(lambda) = y^H dA x / (y^H x), with x and y its right
+    and left eigenvectors."""
+    fixed = lax.stop_gradient(matrix)
+    (values, right), (transposed, left) = (jnp.linalg.eig(a) for a in (fixed, jnp.swapaxes(fixed, -1, -2)))
+    x, value = _pick(right, values), jnp.max(jnp.abs(values), axis=-1)
+    chosen = jnp.take_along_axis(values, jnp.argmax(jnp.abs(values), axis=-1)[..., None], axis=-1)
+    y = _pick(left, -jnp.abs(transposed - chosen))
+    norm = jnp.sum(y * x, axis=-1)
+    change = jnp.einsum("...i,...ij,...j->...", y, (matrix - fixed).astype(x.dtype), x)
+    sound = (jnp.abs(norm) > 0) & (value > 0)
+    direction = jnp.where(sound, jnp.conj(chosen[..., 0]) / jnp.where(sound, value * norm, 1.0), 0.0)
+    return value + jnp.real(direction * change)
+
+
+def _pick(vectors, merit):
+    """The column of `vectors` (..., n, n) where `merit` (..., n) is largest in magnitude or value."""
+    merit = jnp.abs(merit) if jnp.iscomplexobj(merit) else merit
+    return jnp.take_along_axis(vectors, jnp.argmax(merit, axis=-1)[..., None, None], axis=-1)[..., 0]
