@@ -18,6 +18,7 @@ from absjax.vehicle import GRAVITY
 from tuning import published
 from tuning.config import TuningConfig
 from tuning.entries import ConfigError, tyre_of
+from tuning.search import in_chunks
 
 CHUNK = 64
 """Parameter sets that are rolled out together when only distances are wanted: one shape, compiled once."""
@@ -27,6 +28,10 @@ LONG_CYCLE_CHARGE = 0.05
 """Added to a row's ratio for every second by which its longest cycle exceeds the longest allowed."""
 LOCK_CHARGE = 0.005
 """Added to the ratio of a row whose wheel locks, were it at the very end; it guides the choice, not the descent."""
+FAILURE_CHARGE = 1.0
+"""Added to the ratio of a row that neither stops nor locks; likewise."""
+DISORDER_CHARGE = 10.0
+"""Added for every unit by which parameters that have to be in order are not."""
 WORST_EFFICIENCY = 0.02
 """Efficiency below which a row counts no worse, so that a stop that fails outright has a finite cost."""
 SAFETY_HORIZON = 1.35
@@ -72,6 +77,9 @@ class Problem:
     longest_cycle: Any = parameter("longest cycle allowed, s", default=1.0)
     horizon: float = 10.0
     step: float = 2e-3
+    substeps: int = 1
+    max_events: int = 800
+    ordered: tuple[tuple[str, str], ...] = ()
     objective: str = "worst"
 
     def stops(self, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
@@ -83,22 +91,34 @@ class Problem:
         car = jax.tree.map(lambda leaf: jnp.repeat(leaf, sets) if jnp.ndim(leaf) else leaf, self.loop.plant)
         own = {name: jnp.tile(values, rows) for name, values in parameters.items()}
         loop = dataclasses.replace(self.loop, plant=car, controller=dataclasses.replace(self.loop.controller, **own))
-        loop = SampledLoop(loop, tick_every=ticks) if ticks else loop
+        loop = SampledLoop(loop, tick_every=ticks, substeps=self.substeps) if ticks else loop
         tile = min(64, max(8, rows * sets // 4))
         speed = jnp.repeat(self.speed, sets)
-        return stop(loop, speed, horizon=self.horizon, step=step or self.step, max_events=800, tile=tile)
+        step = step or self.step
+        return stop(loop, speed, horizon=self.horizon, step=step, max_events=self.max_events, tile=tile)
 
-    def ratios(self, stops: Stop):
-        """Distance over reference, (rows, sets), and what long cycles and locked wheels are charged."""
+    def disorder(self, parameters: Mapping[str, Any]):
+        """By how much parameters that have to be in order are not, summed, (sets,)."""
+        known = {name: getattr(self.loop.controller, name) for pair in self.ordered for name in pair}
+        values = {**known, **parameters}
+        sets = jnp.shape(next(iter(parameters.values())))
+        return sum((jnp.maximum(values[a] - values[b] + 1e-3, 0.0) for a, b in self.ordered), jnp.zeros(sets))
+
+    def ratios(self, stops: Stop, parameters: Mapping[str, Any]):
+        """Distance over reference, (rows, sets), and what long cycles, wheels that lock, failures and parameters
+        out of order are charged."""
         rows = self.speed.shape[0]
         efficiency = jnp.maximum(stops.efficiency, WORST_EFFICIENCY).reshape(rows, -1)
         excess = jnp.maximum(stops.longest_cycle.reshape(rows, -1) - self.longest_cycle, 0.0)
-        locked = stops.outcome.reshape(rows, -1) == Outcome.LOCKED
-        return (self.ideal / self.reference)[:, None] / efficiency + LONG_CYCLE_CHARGE * excess + LOCK_CHARGE * locked
+        outcome = stops.outcome.reshape(rows, -1)
+        locked, failed = outcome == Outcome.LOCKED, (outcome != Outcome.LOCKED) & (outcome != Outcome.STOPPED)
+        charges = LONG_CYCLE_CHARGE * excess + LOCK_CHARGE * locked + FAILURE_CHARGE * failed
+        charges = charges + DISORDER_CHARGE * self.disorder(parameters)
+        return (self.ideal / self.reference)[:, None] / efficiency + charges
 
-    def smooth_costs(self, stops: Stop):
+    def smooth_costs(self, parameters: Mapping[str, Any]):
         """Cost of each set, (sets,): mean ratio, or a smooth maximum of the ratios."""
-        ratios = self.ratios(stops)
+        ratios = self.ratios(self.stops(parameters), parameters)
         if self.objective == "mean":
             return ratios.mean(axis=0)
         exponential = jax.nn.logsumexp(SHARPNESS * ratios, axis=0) - math.log(ratios.shape[0])
@@ -119,17 +139,16 @@ class Judgement(NamedTuple):
 def _judged(problem: Problem, parameters, step, ticks):
     stops, rows = problem.stops(parameters, step, ticks), problem.speed.shape[0]
     values = stops.equivalent_distance, stops.outcome, stops.cycles, stops.longest_cycle
-    return problem.ratios(stops), *(value.reshape(rows, -1) for value in values)
+    return problem.ratios(stops, parameters), *(value.reshape(rows, -1) for value in values)
 
 
 def judge(problem: Problem, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Judgement:
     """Judge parameter sets, in chunks: located, or with guards tested every `ticks` steps."""
-    sets = len(next(iter(parameters.values())))
-    same, pieces = dataclasses.replace(problem, objective="worst"), []
-    for first in range(0, sets, CHUNK):
-        chunk = {k: np.resize(np.asarray(v)[first : first + CHUNK], CHUNK) for k, v in parameters.items()}
-        pieces.append([np.asarray(piece) for piece in _judged(same, chunk, step or problem.step, ticks)])
-    ratios, *rest = (np.concatenate(piece, axis=-1)[..., :sets] for piece in zip(*pieces))
+    same, names = dataclasses.replace(problem, objective="worst"), tuple(parameters)
+    sets = np.stack([np.asarray(parameters[name], float) for name in names], axis=1)
+    ratios, *rest = in_chunks(
+        lambda chunk: _judged(same, dict(zip(names, chunk.T)), step or problem.step, ticks), sets, CHUNK, axis=-1
+    )
     return Judgement(ratios.mean(axis=0) if problem.objective == "mean" else ratios.max(axis=0), *rest)
 
 
@@ -155,7 +174,7 @@ def build(config: TuningConfig) -> Problem:
     ideal = speed**2 / (2 * GRAVITY * peak)
     reference = ideal
     if config.reference == "published":
-        reference = np.array([_published(name, kmh) or np.nan for name, kmh, _ in rows])
+        reference = np.array([_published(config, name, kmh) or np.nan for name, kmh, _ in rows])
         for missing in np.flatnonzero(np.isnan(reference)):
             name, kmh, _ = rows[missing]
             raise ConfigError(f"reference = 'published', but no distance is published for {name} from {kmh:g} km/h")
@@ -167,14 +186,17 @@ def build(config: TuningConfig) -> Problem:
         reference=reference,
         longest_cycle=config.longest_cycle,
         horizon=SAFETY_HORIZON * float(np.max(speed / (GRAVITY * peak))) + 1.0,
-        step=config.step,
+        step=config.grid_step,
+        substeps=config.substeps,
+        max_events=config.max_events,
+        ordered=config.kind.ordered,
         objective=config.objective,
     )
 
 
-def _published(road: str, speed_kmh: float) -> float | None:
+def _published(config: TuningConfig, road: str, speed_kmh: float) -> float | None:
     row = published.DISTANCES.get(road, {}).get(speed_kmh)
-    return None if row is None else row.five_phase
+    return None if row is None else getattr(row, "two_phase" if config.controller == "two_phase" else "five_phase")
 
 
 def _finite(distance) -> float | None:
@@ -191,7 +213,7 @@ def score(config: TuningConfig, parameters: Mapping[str, float]) -> list[Row]:
             road=road,
             speed_kmh=speed,
             ideal=float(problem.ideal[i]),
-            published=_published(road, speed),
+            published=_published(config, road, speed),
             untuned=_finite(located.distances[i, 0]),
             tuned=_finite(located.distances[i, 1]),
             sampled=_finite(sampled.distances[i, 1]),

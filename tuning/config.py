@@ -1,22 +1,21 @@
-"""What to tune, over which roads and speeds, under which limits."""
+"""What controller to tune, over which roads and speeds, under which limits."""
 
 import dataclasses
 import math
 from typing import Any
 
-import numpy as np
-
 from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop
-from absjax.control.five_phase import FivePhase
+from absjax.closed_loop import ClosedLoop, Controller
+from absjax.observers.sampled import Observer
 from absjax.parameters import bounds_of, trainable_names
 from absjax.road import SURFACES, UniformRoad
 from absjax.tyre import Burckhardt
-from absjax.vehicle import QuarterCar, Wheel
+from absjax.vehicle import QuarterCar, TestRig, Wheel
 from tuning import published
+from tuning.controllers import CONTROLLERS, Kind
 from tuning.entries import ConfigError, Entries, choice, require, tyre_of
-
-CONTROLLERS: dict[str, type[FivePhase]] = {"five_phase": FivePhase}
+from tuning.observers import KINDS
+from tuning.search import Box
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,7 +23,9 @@ class TuningConfig(Entries):
     """What to tune, over what, under which limits. JSON keys are the names of the fields.
 
     Attributes:
-        controller: name of the controller, in `CONTROLLERS`.
+        controller: name of the controller, in `tuning.controllers.CONTROLLERS`.
+        observer: name of the observer that tells it XBS, in `tuning.observers.KINDS`; None tells it the true one.
+        observer_parameters: of that observer; the published ones where not given.
         start: parameters to start from; the controller's defaults where not given.
         tune: names of the parameters to tune; those declared trainable when empty.
         roads: published surfaces, by name, or (c1, c2, c3).
@@ -33,22 +34,29 @@ class TuningConfig(Entries):
         rate_limit: of the actuator [bar/s]; None for none. `lag` [s] and `delay` [s] likewise.
         driver_pressure: largest pressure [bar].
         threshold_floor: smallest threshold [m/s^2], from the noise of the measured acceleration.
-        limits: (low, high) by parameter; `RATE_LIMITS` and the floor hold where not given.
+        limits: (low, high) by parameter; the floor, and a factor of 5 up or 20 down from the start, where not given.
         stop_speed_kmh: speed that ends a stop [km/h]; below the published 2.5 km/h lock does not matter.
         longest_cycle: longest time between two cycles a controller may take [s]; one that rests at a
             pressure near the peak is no anti-lock controller, however short it stops.
+        largest_contraction: of the limit cycles on every road; the tuned set is one that keeps it, if there is one.
+            None does not constrain them; they are certified all the same.
+        cycle_speeds_kmh: speeds at which limit cycles are looked for [km/h].
         objective: 'worst' or 'mean' over the rows of distance over reference.
-        reference: 'ideal' distances, or the 'published' ones of the five-phase algorithm.
+        reference: 'ideal' distances, or the 'published' ones of the five-phase algorithm (of the two-phase one, if
+            that is what is tuned).
         known: further parameter sets to start from, as from an earlier result.
         starts: descents run together; screened: random starts they are chosen from.
         scatter: standard deviation of the random starts' logarithms.
         iterations, learning_rate, seed: of the descent (Adam on the logarithms, cosine decay).
-        step: grid step [s].
+        step: grid step [s]; what the controller's default parameters and the observer's gains need when None.
+        max_events: switchings a stop may make.
         sampled_period: period at which guards are tested when the result is re-scored [s].
         refinements: rounds of random search around the winner, under both semantics.
     """
 
     controller: str = "five_phase"
+    observer: str | None = None
+    observer_parameters: dict[str, float] = dataclasses.field(default_factory=dict)
     start: dict[str, float] = dataclasses.field(default_factory=dict)
     tune: tuple[str, ...] = ()
     roads: tuple[Any, ...] = published.ROADS
@@ -62,6 +70,8 @@ class TuningConfig(Entries):
     limits: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     stop_speed_kmh: float = 2.5
     longest_cycle: float = 1.0
+    largest_contraction: float | None = None
+    cycle_speeds_kmh: tuple[float, ...] = (30.0, 60.0, 120.0, 180.0)
     objective: str = "worst"
     reference: str = "ideal"
     known: tuple[dict[str, float], ...] = ()
@@ -71,74 +81,143 @@ class TuningConfig(Entries):
     iterations: int = 120
     learning_rate: float = 0.05
     seed: int = 0
-    step: float = 2e-3
+    step: float | None = None
+    max_events: int = 800
     sampled_period: float = 1e-3
     refinements: int = 4
 
     def __post_init__(self):
         choice("controller", self.controller, CONTROLLERS)
+        if self.observer is not None:
+            choice("observer", self.observer, KINDS)
         choice("objective", self.objective, ("worst", "mean"))
         choice("reference", self.reference, ("ideal", "published"))
         require("refinements", self.refinements, self.refinements >= 0, "an integer >= 0")
-        for name in ("starts", "iterations"):
+        for name in ("starts", "iterations", "max_events"):
             require(name, getattr(self, name), getattr(self, name) >= 1, "an integer >= 1")
         require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
-        for name in ("step", "sampled_period", "learning_rate", "driver_pressure", "stop_speed_kmh", "longest_cycle"):
+        require("step", self.step, self.step is None or 0 < self.step < math.inf, "positive, or null")
+        for name in ("sampled_period", "learning_rate", "driver_pressure", "stop_speed_kmh", "longest_cycle"):
             require(name, getattr(self, name), 0 < getattr(self, name) < math.inf, "positive")
+        largest = self.largest_contraction
+        require("largest_contraction", largest, largest is None or 0 < largest < math.inf, "positive, or null")
         require("threshold_floor", self.threshold_floor, self.threshold_floor >= 0, ">= 0")
-        ratio = self.sampled_period / self.step
+        ratio = self.sampled_period / self.grid_step
         whole = min(abs(ratio - round(ratio)), abs(1 / ratio - round(1 / ratio)))
         require("sampled_period", self.sampled_period, whole < 1e-9, "a multiple of step, or step of it")
         require("roads", self.roads, len(self.roads) > 0, "one road at least")
         require("speeds_kmh", self.speeds_kmh, len(self.speeds_kmh) > 0, "one speed at least")
         for speed in self.speeds_kmh:
             require("speeds_kmh", speed, self.stop_speed_kmh < speed <= 500, "above stop_speed_kmh and at most 500")
-        fields = bounds_of(CONTROLLERS[self.controller])
+        for speed in self.cycle_speeds_kmh:
+            require("cycle_speeds_kmh", speed, 0 < speed <= 500, "above 0 and at most 500")
         for entry, names in (("start", self.start), ("limits", self.limits), *(("known", k) for k in self.known)):
             for name in names:
-                choice(entry, name, fields)
+                choice(entry, name, self.kind.names)
+        given = self.observer_parameters
+        require("observer_parameters", given, self.observer is not None or not given, "empty without an observer")
+        for name in given:
+            choice("observer_parameters", name, KINDS[self.observer].published)
         require("starts", self.starts, self.starts > len(self.known), "more than the known sets")
         for name in self.tune:
-            choice("tune", name, fields)
+            choice("tune", name, self.kind.names)
         for road in self.roads:
             tyre_of(road)
-        self.base_controller()
         self.loop(self.base_controller())
 
-    def base_controller(self) -> FivePhase:
+    @property
+    def kind(self) -> Kind:
+        """The controller to tune."""
+        return CONTROLLERS[self.controller]
+
+    @property
+    def grid_step(self) -> float:
+        """Grid step [s]."""
+        if self.step is not None:
+            return self.step
+        return self.kind.step if self.observer is None else 1e-3 / KINDS[self.observer].substeps
+
+    @property
+    def substeps(self) -> int:
+        """Runge-Kutta steps of the observer per sample."""
+        return 1 if self.observer is None else max(1, round(KINDS[self.observer].substeps * self.sampled_period / 1e-3))
+
+    def car(self) -> Wheel:
+        """The wheel."""
+        try:
+            return Wheel(**self.wheel)
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"wheel: {error}") from None
+
+    def base_controller(self) -> Controller:
         """The controller the descent starts from."""
         try:
-            return CONTROLLERS[self.controller](**self.start)
+            return self.kind.build(self.car(), self.start)
         except ValueError as error:
             raise ConfigError(f"start: {error}") from None
 
-    def loop(self, controller: FivePhase, tyre: Burckhardt | None = None) -> ClosedLoop:
-        """The closed loop this configuration describes."""
+    def observer_model(self) -> Observer | None:
+        """The observer in the loop."""
+        if self.observer is None:
+            return None
+        kind = KINDS[self.observer]
+        return kind.build(self.car(), {**kind.published, **self.observer_parameters})
+
+    def _brake(self) -> Brake:
         try:
-            brake = Brake(self.rate_limit, self.lag, self.delay, self.driver_pressure)
-            car = QuarterCar(Wheel(**self.wheel), UniformRoad(SURFACES["dry_asphalt"] if tyre is None else tyre))
-            return ClosedLoop(car, brake, controller, self.stop_speed_kmh / 3.6)
-        except (ValueError, TypeError) as error:
+            return Brake(self.rate_limit, self.lag, self.delay, self.driver_pressure)
+        except ValueError as error:
             raise ConfigError(str(error)) from None
 
+    def loop(self, controller: Controller, tyre: Burckhardt = SURFACES["dry_asphalt"]) -> ClosedLoop:
+        """The closed loop this configuration describes."""
+        car = QuarterCar(self.car(), UniformRoad(tyre))
+        return ClosedLoop(car, self._brake(), controller, self.stop_speed_kmh / 3.6, self.observer_model())
+
+    def rig_loop(self, controller: Controller, tyre: Burckhardt, speed: Any) -> ClosedLoop:
+        """The same on a rig at constant speed [m/s], where limit cycles are looked for."""
+        return dataclasses.replace(
+            self.loop(controller, tyre), plant=TestRig(self.car(), UniformRoad(tyre), speed), stop_speed=None
+        )
+
     def sampled_grid(self) -> tuple[float, int]:
-        """Grid step [s] and steps per test of the guards when sampled."""
-        step = min(self.step, self.sampled_period)
+        """Grid step [s] and steps per test of the guards when sampled; the observer has steps of its own then."""
+        step = min(self.grid_step if self.observer is None else self.kind.step, self.sampled_period)
         return step, max(1, round(self.sampled_period / step))
 
-    def box(self) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-        """Names of the tuned parameters and their limits."""
-        controller = CONTROLLERS[self.controller]
-        names = self.tune or trainable_names(controller)
-        own = bounds_of(controller)
-        base = self.base_controller()
-        low, high = [], []
-        for name in names:
-            floor = self.threshold_floor if name in controller.thresholds else 0.0
-            lowest = max(own[name].low, floor, 0.05 * float(getattr(base, name)) if not floor else 0.0)
-            highest = min(own[name].high, max(5 * float(getattr(base, name)), lowest))
-            lowest, highest = self.limits.get(name, (lowest, highest))
-            require(f"limits.{name}", (lowest, highest), 0 < lowest <= highest, "(low, high) with 0 < low <= high")
-            low.append(lowest)
-            high.append(highest)
-        return names, np.asarray(low), np.asarray(high)
+    def box(self) -> Box:
+        """The tuned parameters and their limits.
+
+        Raises:
+            ConfigError: if limits are not admissible, or a threshold on XBS lies where a road's XBS never is.
+        """
+        names = self.tune or trainable_names(self.kind.model)
+        own, base = bounds_of(self.kind.model), self.base_controller()
+        pairs = [self.limits.get(name, self._range(name, own[name], float(getattr(base, name)))) for name in names]
+        for name, (low, high) in zip(names, pairs):
+            require(f"limits.{name}", (low, high), own[name].low <= low <= high <= own[name].high, "(low, high)")
+            require(f"limits.{name}", (low, high), low > 0 or not own[name].open_low, "(low, high) with 0 < low")
+        if self.controller == "two_phase":
+            self._require_reachable(base)
+        return Box(names, tuple(float(low) for low, _ in pairs), tuple(float(high) for _, high in pairs))
+
+    def _range(self, name: str, bounds, start: float) -> tuple[float, float]:
+        if name in self.kind.ranges:
+            low, high = self.kind.ranges[name]
+            if name == "chi_a":
+                low = max(low, 0.8 * self._least_stiffness()[0])
+            return low, high
+        floor = self.threshold_floor if name in self.kind.model.thresholds else 0.0
+        low = max(bounds.low, floor, 0.05 * start if not floor else 0.0)
+        return low, min(bounds.high, max(5 * start, low))
+
+    def _least_stiffness(self) -> tuple[float, Any]:
+        return max(((-float(tyre_of(road).c3), road) for road in self.roads), key=lambda pair: pair[0])
+
+    def _require_reachable(self, controller) -> None:
+        least, road = self._least_stiffness()
+        if float(controller.chi_a) <= least:
+            raise ConfigError(
+                f"start.chi_a = {float(controller.chi_a):g} must be above -c3 = {least:g}, the least XBS of road "
+                f"{road}: the apply would never end there"
+            )

@@ -1,7 +1,6 @@
 """The tunings of the demonstration: the published setting, a realistic actuator, and what each limit costs."""
 
 import dataclasses
-from collections.abc import Callable
 from importlib import resources
 
 import numpy as np
@@ -10,6 +9,7 @@ from rich.table import Table
 from tuning.batch import build, judge
 from tuning.config import TuningConfig
 from tuning.files import read_json
+from tuning.search import Progress
 from tuning.tune_abs import TuningResult, descend
 
 PUBLISHED_SETTING = TuningConfig(
@@ -56,7 +56,7 @@ ONE_LIMIT = {
 }
 
 
-def limit_costs(result: TuningResult, free: TuningResult, progress: Callable[[int, int, float], None]) -> Table:
+def limit_costs(result: TuningResult, free: TuningResult, progress: Progress) -> Table:
     """Tune under one limit at a time: what each costs by itself, and all together.
 
     The descents are short, so that a cost is an upper bound.
@@ -75,9 +75,9 @@ def limit_costs(result: TuningResult, free: TuningResult, progress: Callable[[in
         config = dataclasses.replace(
             result.config, known=known, learning_rate=0.04, iterations=16, **{**WITHOUT_LIMITS, **change}
         )
-        problem = build(config)
-        ends, _ = descend(config, problem, lambda *_: None)
-        judged = judge(problem, dict(zip(config.box()[0], np.exp(ends.T))))
+        problem, box = build(config), config.box()
+        ends, _ = descend(config, problem, box)
+        judged = judge(problem, {name: np.asarray(values) for name, values in box.values(ends).items()})
         ratios = judged.distances / problem.ideal[:, None]
         best = int(np.argmin(np.where(np.isfinite(ratios), ratios, np.inf).mean(axis=0)))
         mean = _add(table, limit, ratios[:, best], least)

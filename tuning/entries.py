@@ -63,6 +63,10 @@ def _converted(name: str, value: Any, kind: Any) -> Any:
             if isinstance(value, bool):
                 raise ValueError
             return None if value is None and kind is not float else float(value)
+        if kind == str | None and value is None:
+            return None
+        if kind == str | None:
+            kind = str
         if kind is str or kind == tuple[str, ...] or kind == tuple[Any, ...]:
             if isinstance(value, str) != (kind is str):
                 raise ValueError

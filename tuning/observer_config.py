@@ -10,6 +10,7 @@ from absjax.tyre import Burckhardt
 from absjax.vehicle import Wheel
 from tuning.entries import ConfigError, Entries, choice, require, tyre_of
 from tuning.observers import KINDS, Kind
+from tuning.search import Box
 
 
 @dataclasses.dataclass(frozen=True)
@@ -107,8 +108,8 @@ class ObserverConfig(Entries):
         except (TypeError, ValueError) as error:
             raise ConfigError(f"wheel: {error}") from None
 
-    def box(self) -> tuple[tuple[str, ...], np.ndarray, np.ndarray]:
-        """Names of the tuned parameters and their limits."""
+    def box(self) -> Box:
+        """The tuned parameters and their limits."""
         names = self.tune or tuple(self.kind.published)
         pairs = [self.limits.get(name, (self.kind.low[name], self.kind.high[name])) for name in names]
         for name, (low, high) in zip(names, pairs):
@@ -116,7 +117,7 @@ class ObserverConfig(Entries):
             require(
                 f"start.{name}", self.initial()[name], low <= self.initial()[name] <= high, f"in [{low:g}, {high:g}]"
             )
-        return names, np.array([low for low, _ in pairs]), np.array([high for _, high in pairs])
+        return Box(names, tuple(float(low) for low, _ in pairs), tuple(float(high) for _, high in pairs))
 
 
 def random_surfaces(rng: np.random.Generator, count: int) -> list[Burckhardt]:

@@ -14,7 +14,6 @@ import numpy as np
 
 from absjax.actuator import Brake
 from absjax.closed_loop import ClosedLoop
-from absjax.control.five_phase import FivePhase
 from absjax.control.tracking import AccelerationTracking
 from absjax.control.two_phase import TwoPhase
 from absjax.engine import rollout
@@ -28,7 +27,7 @@ BLEND = 0.025
 """Length of the blend from one road to the next [s]."""
 DRIVER_PRESSURE = 150.0
 """Largest pressure, bar; it cannot fall below 0 either, so that no wheel is ever driven."""
-FIVE = FivePhase(eps1=25.0, eps2=32.0, eps3=15.0, eps5=22.0)
+FIVE = {"eps1": 25.0, "eps2": 32.0, "eps3": 15.0, "eps5": 22.0}
 """Thresholds of the five-phase cycle: within reach on snow, where x2 cannot exceed a mu = 34 m/s^2."""
 Excitation = Literal["five_phase", "two_phase"]
 
@@ -129,7 +128,7 @@ def simulate(
     columns = tuple(jax.tree.map(lambda x, k=k: x[:, k], stacked) for k in range(changes.shape[1] + 1))
     road = ChangingRoad(columns, tuple(changes.T), BLEND)
     plant = TestRig(wheel, road, speed, -deceleration)
-    controller = _two_phase(stacked, wheel) if excitation == "two_phase" else AccelerationTracking(FIVE, wheel)
+    controller = _two_phase(stacked, wheel) if excitation == "two_phase" else AccelerationTracking(**FIVE, wheel=wheel)
     loop = ClosedLoop(plant, Brake(driver_pressure=DRIVER_PRESSURE), controller)
     steps = round(duration / period)
     start = controller.phases.index("apply") if excitation == "two_phase" else 0
@@ -151,7 +150,7 @@ def _two_phase(surfaces: Burckhardt, wheel: Wheel) -> TwoPhase:
     """Thresholds every surface of a run reaches: XBS goes from -c3 to c1 c2 - c3."""
     c1, c2, c3 = (np.asarray(x) for x in (surfaces.c1, surfaces.c2, surfaces.c3))
     low, high = np.maximum(-0.1, -0.6 * c3.min(axis=1)), np.minimum(5.0, 0.5 * (c1 * c2 - c3).min(axis=1))
-    return TwoPhase(wheel, zref=40.0, chi_a=low, chi_b=high)
+    return TwoPhase(wheel=wheel, zref=40.0, chi_a=low, chi_b=high)
 
 
 @jax.jit

@@ -58,7 +58,7 @@ def loops(shift: Any = 0.0) -> dict[str, ClosedLoop]:
     def observer(kind):
         return KINDS[kind].build(wheel, KINDS[kind].published)
 
-    tracking = AccelerationTracking(FIVE, wheel)
+    tracking = AccelerationTracking(eps5=FIVE.eps5, wheel=wheel)
     return {
         "open loop, slow rates": ClosedLoop(car, brake, FIVE, STOP_SPEED),
         "open loop, quick rates": ClosedLoop(car, brake, QUICK, STOP_SPEED),

@@ -1,30 +1,32 @@
-"""Anti-lock thresholds and rates tuned by gradient descent over a batch of roads and speeds.
+"""An anti-lock controller tuned by gradient descent over a batch of roads and speeds.
 
 Every start is a row of lanes, one lane per road and speed; all starts descend together, their gradients
-taken in one reverse pass through the located switchings. Parameters move on a logarithmic scale between
-their limits, and stay on a limit they have reached.
+taken in one reverse pass through the located switchings (`tuning.search`). Where the contraction of limit cycles
+is limited, they are looked for at every point of the descent, and what exceeds the limit is charged.
 """
 
 import dataclasses
-import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-import optax
 
-from absjax.control.five_phase import FivePhase
+from absjax.closed_loop import Controller
 from absjax.parameters import bounds_of
+from tuning import search
 from tuning.batch import Problem, Row, build, judge, score
-from tuning.config import CONTROLLERS, TuningConfig
+from tuning.config import TuningConfig
+from tuning.cycles import CycleRow, certify_cycles, charges, exact_charges, rig_loops
+from tuning.search import Box, Progress
 from tuning.version import VERSION
 
 CANDIDATES = 256
 WIDEST_SEARCH, NARROWING = 0.06, 0.7
-"""Standard deviation of the first refinement on the logarithms, and its factor from one to the next."""
+"""Standard deviation of the first refinement on the scales of the box, and its factor from one to the next."""
+FINALISTS = 8
+"""Sets whose limit cycles are looked for in a round of refinement, where contraction is limited."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,6 +35,8 @@ class TuningResult:
 
     parameters: dict[str, float]
     rows: list[Row]
+    cycles: list[CycleRow]
+    """limit cycles on every road; empty for a controller without"""
     cost: float
     """of the winner, at the worse of both semantics"""
     history: list[list[float]]
@@ -43,9 +47,9 @@ class TuningResult:
     version: str = VERSION
 
     @property
-    def controller(self) -> FivePhase:
+    def controller(self) -> Controller:
         """The tuned controller."""
-        return CONTROLLERS[self.config.controller](**self.parameters)
+        return self.config.kind.build(self.config.car(), self.parameters)
 
     def to_json(self) -> dict[str, Any]:
         """A plain dictionary."""
@@ -54,111 +58,106 @@ class TuningResult:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "TuningResult":
         """Read back what `to_json` gave."""
-        rows = [Row(**row) for row in data["rows"]]
-        return cls(**{**data, "rows": rows, "config": TuningConfig.from_json(data["config"])})
+        rows, cycles = [Row(**row) for row in data["rows"]], [CycleRow(**row) for row in data["cycles"]]
+        return cls(**{**data, "rows": rows, "cycles": cycles, "config": TuningConfig.from_json(data["config"])})
 
 
-def tune_abs(
-    config: TuningConfig, *, progress: Callable[[int, int, float], None] = lambda i, n, cost: None
-) -> TuningResult:
+def tune_abs(config: TuningConfig, *, progress: Progress = lambda i, n, cost: None) -> TuningResult:
     """Tune a controller as the configuration says.
 
     Args:
         config: what to tune.
         progress: called with iteration, iterations and the best cost so far.
     """
-    problem = build(config)
-    names, low, high = config.box()
-    box = np.log(low), np.log(high)
-    ends, history = descend(config, problem, progress)
-    chosen, cost = _refine(config, problem, names, ends, box)
+    problem, box = build(config), config.box()
+    ends, history = descend(config, problem, box, progress)
+    chosen, cost = search.refine(
+        lambda points: _validate(config, problem, box, points),
+        box,
+        ends,
+        rounds=config.refinements,
+        count=CANDIDATES,
+        widest=WIDEST_SEARCH,
+        narrowing=NARROWING,
+        seed=config.seed + 1,
+    )
+    tuned = {name: float(value) for name, value in box.values(chosen).items()}
     base = config.base_controller()
-    tuned = {name: float(value) for name, value in zip(names, np.exp(chosen))}
     parameters = {name: float(getattr(base, name)) for name in bounds_of(base)} | tuned
-    edge = (np.abs(chosen - box[0]) < 1e-6) | (np.abs(chosen - box[1]) < 1e-6)
     return TuningResult(
         parameters=parameters,
         rows=score(config, parameters),
+        cycles=certify_cycles(config, parameters),
         cost=cost,
         history=history,
-        on_limit=[name for name, at in zip(names, edge) if at],
+        on_limit=box.on_limit(chosen),
         config=config,
     )
 
 
-def descend(config: TuningConfig, problem: Problem, progress: Callable[[int, int, float], None]):
+def descend(config: TuningConfig, problem: Problem, box: Box, progress: Progress = lambda i, n, cost: None):
     """Run the descents, located.
 
     Returns:
-        Logarithms of the best point of every descent, then of every start (2 starts, parameters), and
-        the costs of the starts by iteration.
+        The best point of every descent, then every start, (2 starts, parameters), and the costs of the starts
+        by iteration.
     """
-    names, low, high = config.box()
-    box = np.log(low), np.log(high)
-    logs = jnp.asarray(_starts(config, problem, names, box))
-    moments, first_logs = _ADAM.init(logs), np.asarray(logs)
-    history, best, best_logs = [], np.full(len(logs), np.inf), np.array(logs)
-    for iteration in range(config.iterations):
-        before = np.asarray(logs)
-        rate = config.learning_rate * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * iteration / config.iterations)))
-        logs, moments, costs = _descend(problem, logs, moments, rate, box, names)
-        costs = np.asarray(costs)
-        history.append([float(c) for c in costs])
-        better = costs < best
-        best, best_logs = np.where(better, costs, best), np.where(better[:, None], before, best_logs)
-        progress(iteration + 1, config.iterations, float(best.min()))
-    return np.concatenate([best_logs, first_logs]), history
+    starts = _starts(config, problem, box)
+    loops = None if config.largest_contraction is None else rig_loops(config)
+    limits = (config.largest_contraction, config.kind.step)
+    ends, history = search.descend(
+        lambda points: _costs_and_gradients(problem, loops, points, box, limits),
+        box,
+        starts,
+        iterations=config.iterations,
+        learning_rate=config.learning_rate,
+        progress=progress,
+    )
+    return np.concatenate([ends, starts]), history
 
 
-_ADAM = optax.chain(optax.zero_nans(), optax.scale_by_adam())
-
-
-@partial(jax.jit, static_argnames="names")
-def _descend(problem: Problem, logs, moments, rate, box, names):
-    """One step of all descents, which do not know of each other: each gradient is held to unit length."""
-
-    def total(logs):
-        costs = problem.smooth_costs(problem.stops(dict(zip(names, jnp.exp(logs.T)))))
+@partial(jax.jit, static_argnames=("box", "limits"))
+def _costs_and_gradients(problem: Problem, loops, points, box: Box, limits):
+    def total(points):
+        parameters = box.values(points)
+        costs = problem.smooth_costs(parameters)
+        if loops is not None:
+            largest, step = limits
+            costs = costs + charges(loops, parameters, step, largest)
         return costs.sum(), costs
 
-    (_, costs), gradient = jax.value_and_grad(total, has_aux=True)(logs)
-    gradient = gradient / jnp.maximum(jnp.linalg.norm(gradient, axis=1, keepdims=True), 1.0)
-    updates, moments = _ADAM.update(gradient, moments)
-    return jnp.clip(logs - rate * updates, *box), moments, costs
+    (_, costs), gradients = jax.value_and_grad(total, has_aux=True)(points)
+    return costs, gradients
 
 
-def _validate(config: TuningConfig, problem: Problem, names, logs) -> np.ndarray:
-    """Cost of each parameter set at the worse of both semantics, located and sampled.
+def _validate(config: TuningConfig, problem: Problem, box: Box, points) -> np.ndarray:
+    """Cost of each point at the worse of both semantics, located and sampled.
 
     A descent can end where a switching is missed, or a hold never left, as soon as guards are only
-    tested now and then; such an end loses to one that is robust.
+    tested now and then; such an end loses to one that is robust. Where contraction is limited the best few
+    are charged for it, and the others are out.
     """
-    parameters = dict(zip(names, np.exp(logs.T)))
-    return np.maximum(judge(problem, parameters).costs, judge(problem, parameters, *config.sampled_grid()).costs)
+    parameters = {name: np.asarray(values) for name, values in box.values(points).items()}
+    costs = np.maximum(judge(problem, parameters).costs, judge(problem, parameters, *config.sampled_grid()).costs)
+    if config.largest_contraction is not None:
+        best = np.argsort(costs)[:FINALISTS]
+        sets = np.stack([parameters[name][best] for name in box.names], axis=1)
+        charged = np.full(len(costs), np.inf)
+        charged[best] = costs[best] + exact_charges(config, box.names, sets)
+        return charged
+    return costs
 
 
-def _refine(config: TuningConfig, problem: Problem, names, logs, box) -> tuple[np.ndarray, float]:
-    """The best of the descents' ends and starts under both semantics, and what random search around it finds."""
-    rng = np.random.default_rng(config.seed + 1)
-    costs = _validate(config, problem, names, logs)
-    best, cost = logs[np.argmin(costs)], float(costs.min())
-    for sweep in range(config.refinements):
-        spread = WIDEST_SEARCH * NARROWING**sweep
-        nearby = np.clip(best + rng.normal(size=(CANDIDATES, len(best))) * spread, *box)
-        costs = _validate(config, problem, names, nearby)
-        if costs.min() < cost:
-            best, cost = nearby[np.argmin(costs)], float(costs.min())
-    return best, cost
-
-
-def _starts(config: TuningConfig, problem: Problem, names, box) -> np.ndarray:
+def _starts(config: TuningConfig, problem: Problem, box: Box) -> np.ndarray:
     """The configured start, the known ones, and the best of the screened random ones."""
-    base = config.base_controller()
-    given = np.log([[p.get(name, float(getattr(base, name))) for name in names] for p in ({}, *config.known)])
-    wanted = config.starts - len(given)
-    scatter = np.random.default_rng(config.seed).normal(size=(config.screened, len(names))) * config.scatter
-    scattered = np.clip(given[0] + scatter, *box)
-    if wanted:
-        costs = judge(problem, dict(zip(names, np.exp(scattered.T)))).costs
-        given = np.concatenate([given, scattered[np.argsort(costs)[:wanted]]])
-    return np.clip(given, *box)
+    base = {name: float(getattr(config.base_controller(), name)) for name in box.names}
+    given = np.clip(np.stack([box.point({**base, **known}) for known in ({}, *config.known)]), *box.limits)
+
+    def costs(points):
+        return judge(problem, {name: np.asarray(values) for name, values in box.values(points).items()}).costs
+
+    keep = config.starts - len(given)
+    others = search.screen(
+        costs, box, given[0], scatter=config.scatter, count=config.screened, keep=keep, seed=config.seed
+    )
+    return np.concatenate([given, others])

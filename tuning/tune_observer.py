@@ -3,30 +3,28 @@
 Every start is a parameter set; all sets run over all runs at once and descend together, on the cost of
 `tuning.observer_bench`: a power mean of smooth settling times over runs and roads, plus noise_weight times
 the mean noise of the estimate. The winner is chosen, and refined by random search, by the settling times
-themselves. Parameters move on a logarithmic scale; every iterate is stable by construction
-(`tuning.observers`), and steps too large for the gains are charged.
+themselves. Every iterate is stable by construction (`tuning.observers`), and steps too large for the gains are charged.
 """
 
 import dataclasses
-import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
 import jax
-import jax.numpy as jnp
 import numpy as np
-import optax
 
 from absjax.observers.certificate import certify
+from tuning import search
 from tuning.observer_bench import Bench, Judgement, bench_of, training_runs
 from tuning.observer_config import ObserverConfig
+from tuning.search import Box, Progress
 from tuning.version import VERSION
 
 CHUNK = 32
 """Sets judged together: one shape, compiled once; and those tried in a round of random search."""
 WIDEST_SEARCH, NARROWING = 0.15, 0.7
-"""Standard deviation of the first round on the logarithms, and its factor from one to the next."""
+"""Standard deviation of the first round on the scales of the box, and its factor from one to the next."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,7 +61,7 @@ def tune_observer(
     config: ObserverConfig,
     bench: Bench | None = None,
     *,
-    progress: Callable[[int, int, float], None] = lambda i, n, cost: None,
+    progress: Progress = lambda i, n, cost: None,
 ) -> ObserverResult:
     """Tune an observer as the configuration says.
 
@@ -73,17 +71,29 @@ def tune_observer(
         progress: called with iteration, iterations and the best cost so far.
     """
     bench = bench or bench_of(config, training_runs(config))
-    names, low, high = config.box()
-    box = np.log(low), np.log(high)
-    first = np.log([config.initial()[name] for name in names])
-    scatter = config.scatter * np.random.default_rng(config.seed).normal(size=(config.screened, len(names)))
-    scattered = np.clip(first + scatter, *box)
-    order = np.argsort(exact_costs(config, bench, scattered))
-    starts = np.concatenate([first[None], scattered[order[: config.starts - 1]]])
+    box, initial = config.box(), config.initial()
+    first = box.point(initial)
+
+    def costs(points):
+        return exact_costs(config, bench, points)
+
+    others = search.screen(
+        costs, box, first, scatter=config.scatter, count=config.screened, keep=config.starts - 1, seed=config.seed
+    )
+    starts = np.concatenate([first[None], others])
     weights = None if config.noise_weight is None else np.full(len(starts), config.noise_weight)
     ends, history = descend(config, bench, starts, weights, progress)
-    chosen = _refined(config, bench, np.concatenate([ends, first[None]]), box)
-    parameters = {**config.initial(), **{name: float(value) for name, value in zip(names, np.exp(chosen))}}
+    chosen, _ = search.refine(
+        costs,
+        box,
+        np.concatenate([ends, first[None]]),
+        rounds=config.refinements,
+        count=CHUNK,
+        widest=WIDEST_SEARCH,
+        narrowing=NARROWING,
+        seed=config.seed + 2,
+    )
+    parameters = {**initial, **{name: float(value) for name, value in box.values(chosen).items()}}
     judged = judge(config, bench, np.stack([first, chosen]))
     before, after = map(_summary, _each(judged))
     observer = config.kind.build(config.car(), parameters)
@@ -97,88 +107,51 @@ def descend(
     bench: Bench,
     starts: np.ndarray,
     noise_weights: np.ndarray | None,
-    progress: Callable[[int, int, float], None] = lambda i, n, cost: None,
+    progress: Progress = lambda i, n, cost: None,
 ) -> tuple[np.ndarray, list[list[float]]]:
     """Run the descents, each with a noise weight of its own.
 
     Args:
-        starts: logarithms of the tuned parameters, (sets, parameters).
+        starts: points (sets, parameters).
         noise_weights: (sets,), or None to descend on the rms of the error.
 
     Returns:
         The best point of every descent, (sets, parameters), and the costs by iteration.
     """
-    names, low, high = config.box()
-    box, fixed = (np.log(low), np.log(high)), config.initial()
-    logs = jnp.asarray(starts)
-    moments = jax.vmap(_ADAM.init)(logs)
-    best, best_logs, history = np.full(len(starts), np.inf), np.array(starts), []
-    for iteration in range(config.iterations):
-        before = np.asarray(logs)
-        rate = config.learning_rate * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * iteration / config.iterations)))
-        logs, moments, costs = _descend(bench, logs, moments, rate, noise_weights, names, fixed, box)
-        costs = np.asarray(costs)
-        better = costs < best
-        best, best_logs = np.where(better, costs, best), np.where(better[:, None], before, best_logs)
-        history.append([float(c) for c in costs])
-        progress(iteration + 1, config.iterations, float(best.min()))
-    return best_logs, history
+    box, fixed = config.box(), config.initial()
+    return search.descend(
+        lambda points: _costs_and_gradients(bench, points, noise_weights, box, fixed),
+        box,
+        starts,
+        iterations=config.iterations,
+        learning_rate=config.learning_rate,
+        progress=progress,
+    )
 
 
-_ADAM = optax.chain(optax.zero_nans(), optax.clip_by_global_norm(1.0), optax.scale_by_adam())
+@partial(jax.jit, static_argnames="box")
+def _costs_and_gradients(bench: Bench, points, noise_weights, box: Box, fixed):
+    def one(point, weight):
+        return jax.value_and_grad(lambda x: bench.judge({**fixed, **box.values(x)}).cost(weight))(point)
+
+    return jax.vmap(one, in_axes=(0, None if noise_weights is None else 0))(points, noise_weights)
 
 
-@partial(jax.jit, static_argnames="names")
-def _descend(bench: Bench, logs, moments, rate, noise_weights, names, fixed, box):
-    def one(logs, moments, weight):
-        def cost(logs):
-            return bench.judge({**fixed, **dict(zip(names, jnp.exp(logs)))}).cost(weight)
-
-        value, gradient = jax.value_and_grad(cost)(logs)
-        updates, moments = _ADAM.update(gradient, moments)
-        return jnp.clip(logs - rate * updates, *box), moments, value
-
-    axes = (0, 0, None if noise_weights is None else 0)
-    return jax.vmap(one, in_axes=axes)(logs, moments, noise_weights)
+def judge(config: ObserverConfig, bench: Bench, points: np.ndarray) -> Judgement:
+    """What parameter sets are worth, in chunks of one shape; points (sets, parameters), leaves (sets, ...)."""
+    box, fixed = config.box(), config.initial()
+    return search.in_chunks(lambda chunk: _judged(bench, chunk, box, fixed), points, CHUNK)
 
 
-def judge(config: ObserverConfig, bench: Bench, logs: np.ndarray) -> Judgement:
-    """What parameter sets are worth, in chunks of one shape; leaves (sets, ...).
-
-    Args:
-        logs: logarithms of the tuned parameters, (sets, parameters).
-    """
-    names, *_ = config.box()
-    pieces = []
-    for first in range(0, len(logs), CHUNK):
-        chunk = np.resize(logs[first : first + CHUNK], (CHUNK, logs.shape[1]))
-        pieces.append(jax.tree.map(np.asarray, _judged(bench, chunk, names, config.initial())))
-    return jax.tree.map(lambda *x: np.concatenate(x)[: len(logs)], *pieces)
+@partial(jax.jit, static_argnames="box")
+def _judged(bench: Bench, points, box: Box, fixed):
+    return jax.vmap(lambda point: bench.judge({**fixed, **box.values(point)}))(points)
 
 
-@partial(jax.jit, static_argnames="names")
-def _judged(bench: Bench, logs, names, fixed):
-    return jax.vmap(lambda logs: bench.judge({**fixed, **dict(zip(names, jnp.exp(logs)))}))(logs)
-
-
-def exact_costs(config: ObserverConfig, bench: Bench, logs: np.ndarray) -> np.ndarray:
+def exact_costs(config: ObserverConfig, bench: Bench, points: np.ndarray) -> np.ndarray:
     """Cost of parameter sets by the settling times themselves, (sets,)."""
-    judged = judge(config, bench, logs)
+    judged = judge(config, bench, points)
     return np.array([float(one.cost(config.noise_weight, exact=True)) for one in _each(judged)])
-
-
-def _refined(config: ObserverConfig, bench: Bench, logs: np.ndarray, box) -> np.ndarray:
-    """The best of the descents' ends and the start, and what random search around it finds."""
-    rng = np.random.default_rng(config.seed + 2)
-    costs = exact_costs(config, bench, logs)
-    best, cost = logs[np.argmin(costs)], float(costs.min())
-    for round_ in range(config.refinements):
-        spread = WIDEST_SEARCH * NARROWING**round_
-        nearby = np.clip(best + rng.normal(size=(CHUNK, len(best))) * spread, *box)
-        costs = exact_costs(config, bench, nearby)
-        if costs.min() < cost:
-            best, cost = nearby[np.argmin(costs)], float(costs.min())
-    return best
 
 
 def _each(judged: Judgement) -> list[Judgement]:
@@ -206,13 +179,13 @@ def trade_off(config: ObserverConfig, starts: Sequence[Mapping[str, float]], wei
         and mean settling and noise.
     """
     bench = bench_of(config, training_runs(config))
-    names, *_ = config.box()
-    first = np.log([[start[name] for name in names] for start in starts])
+    box = config.box()
+    first = np.stack([box.point(start) for start in starts])
     grid = np.repeat(np.asarray(weights, float), len(first))
     ends, _ = descend(config, bench, np.tile(first, (len(weights), 1)), grid)
 
-    def point(logs, one, weight):
-        parameters = {**config.initial(), **dict(zip(names, np.exp(logs).tolist()))}
+    def point(place, one, weight):
+        parameters = {**config.initial(), **{name: float(value) for name, value in box.values(place).items()}}
         settled, noise = float(one.settling.mean()), float(one.noise.mean())
         return {"noise_weight": weight, "mean": settled, "noise": noise, "parameters": parameters}
 

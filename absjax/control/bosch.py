@@ -12,8 +12,9 @@
 | 7 | 7 stepwise apply, pause | 0 | acc <= -a -> 2; after the pause -> 6 |
 
 acc = R w' is the acceleration of the rim. The reference speed vRef falls with a given gradient, and is raised to
-the rim's speed at a switching where it is below. Thresholds are left with a hysteresis, `share`, because a guard may not be open where its phase begins.
-The longest hold is ours: without it a wheel that never reaches +A, as on ice, would stay released.
+the rim's speed at a switching where it is below. Thresholds are left with a hysteresis, `share`, because no guard
+may be open where its phase begins. The longest hold is ours: without it a wheel that never reaches +A, as on ice,
+would stay released.
 Source: Aguado-Rojas 2019, section 2.2.3; Hoang 2014 (thesis), section 1.3.
 """
 
@@ -23,11 +24,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from absjax.control.acceleration_phases import TUNED
 from absjax.control.phases import by_phase
 from absjax.parameters import concrete, model, parameter
 from absjax.vehicle import Signals
-
-_TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
 
 
 class Reference(NamedTuple):
@@ -44,7 +44,7 @@ class BoschLogic:
     """Thresholds, rates and times of the eight phases.
 
     Raises:
-        ValueError: at construction, unless plus_a < share plus_A.
+        ValueError: at construction, unless plus_a < plus_A.
     """
 
     phases: ClassVar[tuple[str, ...]] = (
@@ -63,24 +63,23 @@ class BoschLogic:
     thresholds: ClassVar[tuple[str, ...]] = ("minus_a", "plus_a", "plus_A")
     """the fields that noise of the measured acceleration keeps from being small"""
 
-    minus_a: Any = parameter("a of -a, deceleration of the rim, m/s^2", default=30.0, **_TUNED)
-    plus_a: Any = parameter("+a, acceleration that ends the second hold, m/s^2", default=10.0, **_TUNED)
-    plus_A: Any = parameter("+A, acceleration that asks for more pressure, m/s^2", default=40.0, **_TUNED)
-    lambda1: Any = parameter("lambda1, slip on the reference speed", default=0.08, high=1.0, **_TUNED)
-    gradient: Any = parameter("at which the reference speed falls, m/s^2", default=8.0, **_TUNED)
-    driver: Any = parameter("driver's ramp, bar m/s^2", default=6000.0, **_TUNED)
-    release: Any = parameter("u_release, bar m/s^2", default=8000.0, **_TUNED)
-    apply: Any = parameter("u_apply, bar m/s^2", default=5000.0, **_TUNED)
-    step: Any = parameter("u_step, during a pulse, bar m/s^2", default=5000.0, **_TUNED)
-    pulse: Any = parameter("length of a pulse, s", default=0.01, **_TUNED)
-    pause: Any = parameter("length of a pause, s", default=0.02, **_TUNED)
-    longest_hold: Any = parameter("longest hold after the release, s", default=0.15, **_TUNED)
+    minus_a: Any = parameter("a of -a, deceleration of the rim, m/s^2", default=30.0, **TUNED)
+    plus_a: Any = parameter("+a, acceleration that ends the second hold, m/s^2", default=10.0, **TUNED)
+    plus_A: Any = parameter("+A, acceleration that asks for more pressure, m/s^2", default=40.0, **TUNED)
+    lambda1: Any = parameter("lambda1, slip on the reference speed", default=0.08, high=1.0, **TUNED)
+    gradient: Any = parameter("at which the reference speed falls, m/s^2", default=8.0, **TUNED)
+    ramp: Any = parameter("driver's ramp, bar m/s^2", default=6000.0, **TUNED)
+    release: Any = parameter("u_release, bar m/s^2", default=8000.0, **TUNED)
+    apply: Any = parameter("u_apply, bar m/s^2", default=5000.0, **TUNED)
+    step: Any = parameter("u_step, during a pulse, bar m/s^2", default=5000.0, **TUNED)
+    pulse: Any = parameter("length of a pulse, s", default=0.01, **TUNED)
+    pause: Any = parameter("length of a pause, s", default=0.02, **TUNED)
+    longest_hold: Any = parameter("longest hold after the release, s", default=0.15, **TUNED)
     share: Any = parameter("of a threshold at which it is left again", default=0.9, low=0.0, high=0.999)
 
     def __post_init__(self):
-        thresholds = self.plus_a, self.plus_A, self.share
-        if all(map(concrete, thresholds)) and not np.all(np.less(self.plus_a, np.multiply(self.share, self.plus_A))):
-            raise ValueError(f"BoschLogic.plus_a = {self.plus_a} must be below share plus_A; plus_A = {self.plus_A}")
+        if concrete(self.plus_a) and concrete(self.plus_A) and not np.all(np.less(self.plus_a, self.plus_A)):
+            raise ValueError(f"BoschLogic.plus_a = {self.plus_a} must be below plus_A = {self.plus_A}")
 
     def at(self, signals: Signals) -> Reference:
         """The reference is the rim."""
@@ -91,7 +90,7 @@ class BoschLogic:
 
     def rate(self, signals: Signals, kept: Reference, mode):
         """Commanded dPb/dt [bar/s]."""
-        strength = by_phase(mode, (self.driver, 0.0, -self.release, 0.0, self.apply, 0.0, self.step, 0.0))
+        strength = by_phase(mode, (self.ramp, 0.0, -self.release, 0.0, self.apply, 0.0, self.step, 0.0))
         return strength / (signals.radius * signals.wheel_speed)
 
     def guards(self, signals: Signals, kept: Reference, mode):

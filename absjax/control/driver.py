@@ -13,17 +13,17 @@ from absjax.vehicle import Signals
 
 @model
 class DriverBraking:
-    """The driver's ramp, and the deceleration at which the anti-lock controller takes over."""
+    """What controllers share that begin with phase 0, driver braking."""
 
     eps0: Any = parameter(
         "eps0, deceleration that ends driver braking, m/s^2", default=30.0, low=0.0, open_low=True, trainable=True
     )
     ramp: Any = parameter("driver's ramp, bar m/s^2", default=6000.0, low=0.0, open_low=True, trainable=True)
 
-    def rate(self, signals: Signals):
-        """dPb/dt [bar/s]."""
+    def driver_rate(self, signals: Signals):
+        """dPb/dt of the driver [bar/s]."""
         return self.ramp / (signals.radius * signals.wheel_speed)
 
-    def guard(self, signals: Signals):
+    def driver_guard(self, signals: Signals):
         """Rises through zero where driver braking ends."""
         return -self.eps0 - signals.acceleration_offset

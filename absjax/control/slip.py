@@ -17,18 +17,17 @@ from absjax.vehicle import Signals, Wheel
 
 
 @model
-class SlipControl:
+class SlipControl(DriverBraking):
     """Continuous feedback on wheel slip and the wheel acceleration offset."""
 
     phases: ClassVar[tuple[str, ...]] = ("driver braking", "control")
     slots: ClassVar[int] = 1
     cycle_phase: ClassVar[int | None] = None
     """it does not cycle"""
-    thresholds: ClassVar[tuple[str, ...]] = ("driver.eps0",)
+    thresholds: ClassVar[tuple[str, ...]] = ("eps0",)
     """the fields that noise of the measured acceleration keeps from being small"""
 
     wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
-    driver: DriverBraking = part("how the manoeuvre begins", default=DriverBraking())
     slip: Any = parameter("lambda*, set point", default=-0.16, low=-1.0, high=0.0, trainable=True)
     pull: Any = parameter("gamma, from slip to acceleration, m/s^2", default=200.0, low=0.0, trainable=True)
     gain: Any = parameter("K, on acceleration, m/s", default=500.0, low=0.0, open_low=True, trainable=True)
@@ -43,11 +42,11 @@ class SlipControl:
         slip = self.wheel.slip(signals.wheel_speed, speed)
         target = signals.vehicle_acceleration * slip - self.pull * (slip - self.slip)
         follow = self.gain * (signals.acceleration_offset - target) / (speed * self.wheel.pressure_gain)
-        return jnp.where(mode == 0, self.driver.rate(signals), follow)
+        return jnp.where(mode == 0, self.driver_rate(signals), follow)
 
     def guards(self, signals: Signals, kept, mode):
         """The end of driver braking."""
-        return (jnp.where(mode == 0, self.driver.guard(signals), -1.0),)
+        return (jnp.where(mode == 0, self.driver_guard(signals), -1.0),)
 
     def switch(self, signals: Signals, kept, mode, slot):
         """Control after driver braking."""

@@ -21,18 +21,17 @@ from absjax.vehicle import Signals, Wheel
 
 
 @model
-class StiffnessControl:
+class StiffnessControl(DriverBraking):
     """Continuous feedback on the wheel acceleration offset and XBS, for a road of known c2 and c3."""
 
     phases: ClassVar[tuple[str, ...]] = ("driver braking", "control")
     slots: ClassVar[int] = 1
     cycle_phase: ClassVar[int | None] = None
     """it does not cycle"""
-    thresholds: ClassVar[tuple[str, ...]] = ("driver.eps0",)
+    thresholds: ClassVar[tuple[str, ...]] = ("eps0",)
     """the fields that noise of the measured acceleration keeps from being small"""
 
     wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
-    driver: DriverBraking = part("how the manoeuvre begins", default=DriverBraking())
     rate_gain: Any = parameter("kr, at which XBS decays, m/s", default=100.0, low=0.0, open_low=True, trainable=True)
     gain: Any = parameter("kp, tracking gain, m/s", default=500.0, low=0.0, open_low=True, trainable=True)
     c: Any = parameter("c = c2 of the road", default=24.0, low=0.0, trainable=True)
@@ -56,12 +55,12 @@ class StiffnessControl:
         slope = safe_divide(-self.rate_gain * self.d * z1, room, defined)
         pull = self.gain * (z1 - target) - slope - self.wheel.slip_gain * z1 * z2
         follow = pull / (signals.vehicle_speed * self.wheel.pressure_gain)
-        return jnp.where(mode == 0, self.driver.rate(signals), follow)
+        return jnp.where(mode == 0, self.driver_rate(signals), follow)
 
     def guards(self, signals: Signals, kept, mode):
         """The end of driver braking; then the end of where the law is defined."""
         end = self.margin * self.d - self._room(signals)
-        return (jnp.where(mode == 0, self.driver.guard(signals), end),)
+        return (jnp.where(mode == 0, self.driver_guard(signals), end),)
 
     def switch(self, signals: Signals, kept, mode, slot):
         """Control after driver braking; no more control where it is not defined."""

@@ -1,6 +1,6 @@
 """The five-phase algorithm with closed-loop tracking of the wheel acceleration.
 
-The phases and thresholds are those of `absjax.control.five_phase`. Where the pressure changes (phases 1,
+The phases and thresholds are those of `absjax.control.acceleration_phases`. Where the pressure changes (phases 1,
 3 and 4) the acceleration offset follows a cubic from its value at the entry, e_i, to beyond the next
 threshold, e_j, level at both ends,
 
@@ -8,17 +8,18 @@ threshold, e_j, level at both ends,
     u = -(1/b) [(a/v) XBS^ x2 + x2*' - alpha (x2 - x2*)]
 
 so that the pressure finds the level the road can bear. T is the shortest time in which the cubic alone
-asks for no more than dPb_max.
+asks for no more than dPb_max. Where nothing is followed the pressure is held, in phase 0 the driver's.
 Source: Hoang et al. 2014, section V, eq. 21-22 (there b < 0 and + b u).
 """
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from absjax._numerics import safe_divide
-from absjax.control.five_phase import FivePhase
+from absjax.control.acceleration_phases import AccelerationPhases
+from absjax.control.phases import by_phase
 from absjax.parameters import model, parameter, part
 from absjax.vehicle import Signals, Wheel
 
@@ -33,50 +34,41 @@ class Entry(NamedTuple):
 
 
 @model
-class AccelerationTracking:
+class AccelerationTracking(AccelerationPhases):
     """Five phases whose pressure changes follow the acceleration instead of a given rate."""
 
-    phases: ClassVar[tuple[str, ...]] = FivePhase.phases
-    slots: ClassVar[int] = FivePhase.slots
-    cycle_phase: ClassVar[int] = FivePhase.cycle_phase
-
-    five: FivePhase = part("thresholds, and the driver's ramp", default=FivePhase())
     wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
     gain: Any = parameter("alpha, tracking gain, 1/s", default=100.0, low=0.0, open_low=True, trainable=True)
     pressure_rate: Any = parameter("dPb_max, sets the pace, bar/s", default=750.0, low=0.0, open_low=True)
     beyond: Any = parameter(
         "the cubic ends beyond the threshold by this share of the way, so that it is crossed", default=0.2, low=0.0
     )
+    ramp: Any = parameter("driver's ramp, bar m/s^2", default=6000.0, low=0.0, open_low=True)
 
     def at(self, signals: Signals) -> Entry:
-        """The start, for what it is worth: phase 0 follows the driver."""
+        """An entry here and now."""
         return Entry(signals.time, signals.acceleration_offset)
 
     def rate(self, signals: Signals, kept: Entry, mode):
         """Commanded dPb/dt [bar/s]."""
         a, b, x2 = self.wheel.slip_gain, self.wheel.pressure_gain, signals.acceleration_offset
-        goal = self._goal(mode)
+        goal = by_phase(mode, (0.0, self.eps1, 0.0, self.eps3, -self.eps4, 0.0))
         way = (1 + self.beyond) * (goal - kept.offset)
         duration = 1.5 / b * jnp.abs(way) / self.pressure_rate
         share = jnp.clip(safe_divide(signals.time - kept.time, duration, duration > 0, 1.0), 0.0, 1.0)
         target = kept.offset + way * share**2 * (3 - 2 * share)
         slope = safe_divide(way * 6 * share * (1 - share), duration, duration > 0)
         tracking = -(a / signals.vehicle_speed * signals.stiffness * x2 + slope - self.gain * (x2 - target)) / b
-        follows = (mode == 1) | (mode == 3) | (mode == 4)
-        return jnp.where(follows, tracking, jnp.where(mode == 0, self.five.rate(signals, (), mode), 0.0))
-
-    def _goal(self, mode):
-        five = self.five
-        return jnp.where(mode == 1, five.eps1, jnp.where(mode == 3, five.eps3, -five.eps4))
+        driver = self.ramp / (signals.radius * signals.wheel_speed)
+        return by_phase(mode, (driver, tracking, 0.0, tracking, tracking, 0.0))
 
     def guards(self, signals: Signals, kept: Entry, mode):
         """Those of the five phases; in phase 5 slot 1 tells that the wheel has recovered by itself."""
-        onward, back = self.five.guards(signals, (), mode)
-        recovered = signals.acceleration_offset + self.five.fallback * self.five.eps4
+        onward, back = super().guards(signals, kept, mode)
+        recovered = signals.acceleration_offset + self.fallback * self.eps4
         return onward, jnp.where(mode == 5, recovered, back)
 
     def switch(self, signals: Signals, kept: Entry, mode, slot):
         """The phase that follows, entered now; from phase 5 back to 4 where the wheel has recovered."""
-        _, following = self.five.switch(signals, (), mode, slot)
-        following = jnp.where((mode == 5) & (slot == 1), 4, following)
+        following = jnp.where((mode == 5) & (slot == 1), 4, self.following(mode, slot))
         return Entry(signals.time, signals.acceleration_offset), following

@@ -24,7 +24,7 @@ from absjax.vehicle import Signals, Wheel
 
 
 @model
-class TwoPhase:
+class TwoPhase(DriverBraking):
     """Thresholds on XBS, and the acceleration offset followed between them.
 
     Raises:
@@ -35,11 +35,10 @@ class TwoPhase:
     slots: ClassVar[int] = 1
     cycle_phase: ClassVar[int] = 1
     """the phase whose entry counts a cycle"""
-    thresholds: ClassVar[tuple[str, ...]] = ("zref", "driver.eps0")
+    thresholds: ClassVar[tuple[str, ...]] = ("zref", "eps0")
     """the fields that noise of the measured acceleration keeps from being small"""
 
     wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
-    driver: DriverBraking = part("how the manoeuvre begins", default=DriverBraking())
     zref: Any = parameter(
         "zref, acceleration offset to follow, m/s^2", default=20.0, low=0.0, open_low=True, trainable=True
     )
@@ -61,12 +60,12 @@ class TwoPhase:
         target = jnp.where(mode == 1, self.zref, -self.zref)
         pull = self.gain * (offset - target) - self.wheel.slip_gain * offset * signals.stiffness
         follow = pull / (signals.vehicle_speed * self.wheel.pressure_gain)
-        return jnp.where(mode == 0, self.driver.rate(signals), follow)
+        return jnp.where(mode == 0, self.driver_rate(signals), follow)
 
     def guards(self, signals: Signals, kept, mode):
         """The threshold that leads on."""
         on_stiffness = jnp.where(mode == 1, signals.stiffness - self.chi_b, self.chi_a - signals.stiffness)
-        return (jnp.where(mode == 0, self.driver.guard(signals), on_stiffness),)
+        return (jnp.where(mode == 0, self.driver_guard(signals), on_stiffness),)
 
     def switch(self, signals: Signals, kept, mode, slot):
         """Release after driver braking, then one after the other."""

@@ -10,7 +10,7 @@ Source: Aguado-Rojas 2019, section 4.3.3 and appendix A, for the Poincare map.
 
 import enum
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp

@@ -9,7 +9,6 @@ import pytest
 
 from absjax.actuator import Brake
 from absjax.closed_loop import ClosedLoop, SampledLoop
-from absjax.control.five_phase import FivePhase
 from absjax.control.tracking import AccelerationTracking
 from absjax.control.two_phase import TwoPhase
 from absjax.engine import rollout
@@ -33,7 +32,7 @@ def signals_of(loop, trajectory):
 
 def test_two_phase_approaches_its_target_exponentially():
     """At constant speed the model is the simplified one: z1' = -(kp/v) (z1 - z1*), Aguado-Rojas 2019, section 4.2."""
-    loop = ClosedLoop(dataclasses.replace(RIG, speed=12.0), Brake(), TwoPhase(WHEEL))
+    loop = ClosedLoop(dataclasses.replace(RIG, speed=12.0), Brake(), TwoPhase(wheel=WHEEL))
     start, apply = loop.at(jnp.asarray(12.0)), TwoPhase.phases.index("apply")
     result = rollout(loop, start, apply, step=5e-4, steps=1200, save_every=1, save_switches=True)
     count = int(result.events)
@@ -52,7 +51,7 @@ def test_two_phase_approaches_its_target_exponentially():
 
 
 def test_tracking_follows_the_cubic():
-    tracking = AccelerationTracking(FivePhase(eps2=33.0, eps5=25.0), WHEEL)
+    tracking = AccelerationTracking(eps2=33.0, eps5=25.0, wheel=WHEEL)
     loop = ClosedLoop(RIG, Brake(), tracking)
     result = rollout(loop, loop.at(jnp.asarray(20.0)), step=5e-4, steps=1600, save_every=1, save_switches=True)
     path, checked = result.trajectory, set()
@@ -72,7 +71,7 @@ def test_tracking_follows_the_cubic():
 
 @pytest.mark.parametrize("observer, tolerance", [(FOUR, 2e-3), (ADAPTIVE, 2e-3)], ids=["4 states", "adaptive"])
 def test_located_observer_against_the_same_offline(observer, tolerance):
-    loop = ClosedLoop(CAR, BRAKE, AccelerationTracking(FivePhase(eps5=25.0), WHEEL), observer=observer)
+    loop = ClosedLoop(CAR, BRAKE, AccelerationTracking(eps5=25.0, wheel=WHEEL), observer=observer)
     result = rollout(loop, loop.at(jnp.asarray(20.0)), step=2.5e-4, steps=3200, save_every=1)
     told = signals_of(loop, result.trajectory)
     offline = observe(observer, Sample.of(told), 2.5e-4, substeps=1).raise_if_failed()
@@ -84,7 +83,7 @@ def test_located_observer_against_the_same_offline(observer, tolerance):
 
 
 def test_sampled_observer_is_the_offline_one():
-    loop = ClosedLoop(CAR, BRAKE, AccelerationTracking(FivePhase(eps5=25.0), WHEEL), observer=FOUR)
+    loop = ClosedLoop(CAR, BRAKE, AccelerationTracking(eps5=25.0, wheel=WHEEL), observer=FOUR)
     sampled = SampledLoop(loop, tick_every=2, substeps=3)
     result = rollout(sampled, sampled.at(jnp.asarray(20.0)), step=5e-4, steps=1000, save_every=2)
     path = result.trajectory
@@ -98,7 +97,7 @@ def test_sampled_observer_is_the_offline_one():
 def test_gain_sets_as_lanes_against_single_runs():
     factors = jnp.array([60.0, 100.0])
     lanes = jax.vmap(lambda b: SwitchedObserver.placed(unknown_road(WHEEL), [(2 * b, b**2)] * 2))(factors)
-    loop = ClosedLoop(CAR, BRAKE, AccelerationTracking(FivePhase(eps5=25.0), WHEEL), observer=lanes)
+    loop = ClosedLoop(CAR, BRAKE, AccelerationTracking(eps5=25.0, wheel=WHEEL), observer=lanes)
     together = rollout(loop, loop.at(jnp.asarray([20.0, 20.0])), step=1e-3, steps=400)
     for i in range(2):
         alone = dataclasses.replace(loop, observer=jax.tree.map(lambda x, i=i: x[i], lanes))
@@ -111,7 +110,7 @@ def test_gain_sets_as_lanes_against_single_runs():
 def test_gradient_through_observer_and_controller_against_differences(sampled):
     def cost(x):
         observer = SwitchedObserver.placed(unknown_road(WHEEL), [(2 * x[0], x[0] ** 2), (2 * x[1], x[1] ** 2)])
-        tracking = AccelerationTracking(FivePhase(eps1=x[2], eps5=25.0), WHEEL, gain=x[3])
+        tracking = AccelerationTracking(eps1=x[2], eps5=25.0, wheel=WHEEL, gain=x[3])
         loop = ClosedLoop(CAR, BRAKE, tracking, observer=observer)
         loop = SampledLoop(loop) if sampled else loop
         state = rollout(loop, loop.at(jnp.asarray(20.0)), step=1e-3, steps=450).state
@@ -127,7 +126,7 @@ def test_gradient_through_observer_and_controller_against_differences(sampled):
 
 
 def test_single_precision_in_the_loop():
-    loop, ends = ClosedLoop(CAR, BRAKE, AccelerationTracking(FivePhase(eps5=25.0), WHEEL), observer=FOUR), []
+    loop, ends = ClosedLoop(CAR, BRAKE, AccelerationTracking(eps5=25.0, wheel=WHEEL), observer=FOUR), []
     for dtype in (jnp.float32, jnp.float64):
         start = jax.tree.map(lambda x, t=dtype: jnp.asarray(x, t), loop.at(jnp.asarray(20.0, dtype)))
         ends.append(rollout(loop, start, step=1e-3, steps=400))
@@ -139,7 +138,7 @@ def test_single_precision_in_the_loop():
 def test_pressure_leaves_its_limit_when_asked_to():
     """On snow the two-phase controller asks for less than no pressure, and later for more again."""
     rig = TestRig(WHEEL, UniformRoad(surface("snow")), 15.0, -1.96)
-    loop = ClosedLoop(rig, BRAKE, TwoPhase(WHEEL, zref=40.0, chi_a=-0.03, chi_b=5.0))
+    loop = ClosedLoop(rig, BRAKE, TwoPhase(wheel=WHEEL, zref=40.0, chi_a=-0.03, chi_b=5.0))
     start, apply = loop.at(jnp.asarray(15.0)), TwoPhase.phases.index("apply")
     result = rollout(loop, start, apply, step=1e-3, steps=800, save_every=1, save_switches=True)
     source, target = (np.asarray(x)[: int(result.events)] for x in (result.switches.source, result.switches.target))

@@ -103,14 +103,13 @@ def test_gradient_of_the_cost_against_differences(runs):
 def test_tuning_improves_certifies_and_can_be_read_back(runs):
     bench = bench_of(TINY, runs)
     result = tune_observer(TINY, bench)
-    names, *_ = TINY.box()
-    logs = np.log([[p[n] for n in names] for p in (TINY.initial(), result.parameters)])
-    costs = exact_costs(TINY, bench, logs)
+    points = np.stack([TINY.box().point(values) for values in (TINY.initial(), result.parameters)])
+    costs = exact_costs(TINY, bench, points)
     assert costs[1] < costs[0]
     assert result.certificate["holds"] and certify(result.observer()).holds
     assert ObserverResult.from_json(read_back(result.to_json())) == result
     assert len(result.history) == TINY.iterations and len(result.history[0]) == TINY.starts
-    assert judge(TINY, bench, np.repeat(logs, 20, axis=0)).settling.shape[0] == 40
+    assert judge(TINY, bench, np.repeat(points, 20, axis=0)).settling.shape[0] == 40
 
 
 def read_back(data):

@@ -49,7 +49,7 @@ def test_tuning_shortens_the_worst_stop(result):
 def test_limits_hold(result):
     names, low, high = SMALL.box()
     values = np.array([result[0].parameters[name] for name in names])
-    assert np.all(values >= low * (1 - 1e-9)) and np.all(values <= high * (1 + 1e-9))
+    assert np.all(values >= np.multiply(low, 1 - 1e-9)) and np.all(values <= np.multiply(high, 1 + 1e-9))
     assert all(low[i] == 12.0 for i, name in enumerate(names) if name.startswith("eps"))
     assert result[0].parameters["ramp"] == 3.0
 
@@ -109,7 +109,12 @@ def test_a_controller_that_sticks_is_charged():
         ({"iterations": 2.5}, r"iterations = 2\.5 is not of the kind"),
         ({"objective": "best"}, r"objective: 'best' is unknown; there are worst, mean"),
         ({"reference": "published", "roads": ["snow"]}, r"no distance is published for snow from 60 km/h"),
-        ({"controller": "bosch"}, r"controller: 'bosch' is unknown"),
+        ({"controller": "six_phase"}, r"controller: 'six_phase' is unknown"),
+        ({"controller": "two_phase", "roads": ["snow"]}, r"start\.chi_a = -0\.1 must be above -c3 = -0\.0646"),
+        ({"observer": "seven"}, r"observer: 'seven' is unknown"),
+        ({"observer_parameters": {"ratio": 1}}, r"observer_parameters = .* must be empty without an observer"),
+        ({"observer": "adaptive", "observer_parameters": {"pole": 1}}, r"observer_parameters: 'pole' is unknown"),
+        ({"largest_contraction": 0}, r"largest_contraction = 0\.0 must be positive, or null"),
         ({"start": {"eps9": 1}}, r"start: 'eps9' is unknown"),
         ({"start": {"eps1": -1}}, r"start: FivePhase\.eps1 = -1"),
         ({"limits": {"eps1": [5, 2]}}, r"limits\.eps1 = \(5\.0, 2\.0\) must be"),

@@ -1,0 +1,117 @@
+"""Limit cycles of tuned controllers: a certificate by road and speed, and a charge on contraction in tuning."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from absjax.closed_loop import ClosedLoop
+from absjax.cycles.rollout import CycleStatus, limit_cycle
+from absjax.tyre import Burckhardt
+from tuning.config import TuningConfig
+from tuning.entries import tyre_of
+from tuning.search import in_chunks
+
+CONTRACTION_CHARGE = 0.05
+"""Added to a cost for every unit by which a contraction exceeds the largest allowed."""
+NO_CYCLE_CHARGE = 0.05
+"""Added for every road and speed without a limit cycle, when contraction is limited."""
+CHUNK = 8
+
+
+@dataclasses.dataclass(frozen=True)
+class CycleRow:
+    """The limit cycle on one road at one speed; None where there is none.
+
+    `contraction` is that of wheel, brake and controller on the true XBS, `with_observer` that of the whole loop,
+    None without an observer.
+    """
+
+    road: str
+    speed_kmh: float
+    status: str
+    period: float | None
+    contraction: float | None
+    with_observer: float | None = None
+
+    @property
+    def certified(self) -> bool:
+        """Whether the cycle is attractive."""
+        return self.contraction is not None and self.contraction < 1
+
+
+def rig_loops(config: TuningConfig) -> ClosedLoop:
+    """Loops on a rig, a lane for each road and speed, all speeds of the first road first; with the true XBS."""
+    tyres = [tyre_of(road) for road in config.roads]
+    columns = (
+        np.repeat([float(getattr(t, c)) for t in tyres], len(config.cycle_speeds_kmh)) for c in ("c1", "c2", "c3")
+    )
+    speed = np.tile(np.asarray(config.cycle_speeds_kmh) / 3.6, len(tyres))
+    config = dataclasses.replace(config, observer=None, observer_parameters={})
+    return config.rig_loop(config.base_controller(), Burckhardt(*columns), speed)
+
+
+def contractions(loops: ClosedLoop, parameters: Mapping[str, Any], step: float):
+    """Contraction of every set on every road and speed, and its status, (rows, sets); parameters are (sets,)."""
+    sets = len(next(iter(parameters.values())))
+    rows = loops.plant.speed.shape[0]
+    plant = jax.tree.map(lambda leaf: jnp.repeat(leaf, sets) if jnp.ndim(leaf) else leaf, loops.plant)
+    own = {name: jnp.tile(values, rows) for name, values in parameters.items()}
+    loops = dataclasses.replace(loops, plant=plant, controller=dataclasses.replace(loops.controller, **own))
+    cycle = limit_cycle(loops, step=step)
+    return cycle.contraction.reshape(rows, sets), cycle.status.reshape(rows, sets)
+
+
+def charges(loops: ClosedLoop, parameters: Mapping[str, Any], step: float, largest: float):
+    """What sets are charged for contractions above the largest allowed, (sets,); differentiable."""
+    contraction, status = contractions(loops, parameters, step)
+    found = status == CycleStatus.FOUND
+    excess = jnp.maximum(jnp.where(found, contraction, 0.0) - largest, 0.0)
+    return (CONTRACTION_CHARGE * excess + NO_CYCLE_CHARGE * ~found).sum(axis=0)
+
+
+_charges = jax.jit(charges, static_argnames="step")
+
+
+def exact_charges(config: TuningConfig, names: tuple[str, ...], sets: np.ndarray) -> np.ndarray:
+    """`charges` of sets (sets, parameters), in chunks."""
+    loops, step = rig_loops(config), config.kind.step
+    return in_chunks(
+        lambda chunk: _charges(loops, dict(zip(names, chunk.T)), step, config.largest_contraction), sets, CHUNK
+    )
+
+
+def certify_cycles(config: TuningConfig, parameters: Mapping[str, float]) -> list[CycleRow]:
+    """The limit cycles of a parameter set on the roads of a configuration; none of a controller without cycles."""
+    if config.kind.model.cycle_phase is None:
+        return []
+    true = rig_loops(config)
+    controller = dataclasses.replace(true.controller, **parameters)
+    cycle = limit_cycle(dataclasses.replace(true, controller=controller), step=config.kind.step)
+    whole = None
+    if config.observer is not None:
+        observed = dataclasses.replace(true, controller=controller, observer=config.observer_model())
+        whole = np.asarray(limit_cycle(observed, step=config.grid_step).contraction)
+    status, contraction, period = (np.asarray(x) for x in (cycle.status, cycle.contraction, cycle.period))
+
+    def finite(values, i):
+        return float(values[i]) if values is not None and np.isfinite(values[i]) else None
+
+    rows = []
+    for i, (road, speed) in enumerate((road, speed) for road in config.roads for speed in config.cycle_speeds_kmh):
+        found = status[i] == CycleStatus.FOUND
+        name = road if isinstance(road, str) else f"c = {tuple(road)}"
+        rows.append(
+            CycleRow(
+                name,
+                speed,
+                CycleStatus(int(status[i])).name,
+                finite(period, i) if found else None,
+                finite(contraction, i),
+                finite(whole, i),
+            )
+        )
+    return rows

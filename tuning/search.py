@@ -1,0 +1,146 @@
+"""What every tuner shares: a box of parameters on a scale of their own, gradient descent of many starts, and
+random search around the best.
+
+Positive parameters move on a logarithmic scale; those that may be negative on a linear one on which their
+limits are `LINEAR_SPAN` apart, about as far as the limits of a positive one. They stay on a limit they reach.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optax
+
+Progress = Callable[[int, int, float], None]
+"""Called with iteration, iterations and the best cost so far."""
+Costs = Callable[[np.ndarray], np.ndarray]
+"""Costs (sets,) of points (sets, parameters)."""
+
+LINEAR_SPAN = 4.0
+_ADAM = optax.chain(optax.zero_nans(), optax.scale_by_adam())
+
+
+class Box(NamedTuple):
+    """Tuned parameters and their limits; a point is where they are on their scales, (..., parameters). Hashable."""
+
+    names: tuple[str, ...]
+    low: tuple[float, ...]
+    high: tuple[float, ...]
+
+    @property
+    def _logarithmic(self) -> np.ndarray:
+        return np.asarray(self.low) > 0
+
+    @property
+    def _unit(self) -> np.ndarray:
+        span = np.subtract(self.high, self.low)
+        return np.where(span > 0, span, 1.0) / LINEAR_SPAN
+
+    @property
+    def limits(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest point."""
+        return self.point(dict(zip(self.names, self.low))), self.point(dict(zip(self.names, self.high)))
+
+    def point(self, values: Mapping[str, Any]) -> np.ndarray:
+        """The point of given values; others are left out. Arrays (sets,) give (sets, parameters)."""
+        stacked = np.stack(np.broadcast_arrays(*(np.asarray(values[name], float) for name in self.names)), axis=-1)
+        log = self._logarithmic
+        return np.where(log, np.log(np.where(log, stacked, 1.0)), stacked / self._unit)
+
+    def values(self, point) -> dict[str, Any]:
+        """Values by name, arrays (...); traceable."""
+        log, unit = self._logarithmic, self._unit
+        scaled = (jnp.exp(point[..., i]) if log[i] else point[..., i] * unit[i] for i in range(len(self.names)))
+        return dict(zip(self.names, scaled))
+
+    def on_limit(self, point) -> list[str]:
+        """Names of the parameters that lie on a limit."""
+        low, high = self.limits
+        return [n for n, at in zip(self.names, (abs(point - low) < 1e-6) | (abs(point - high) < 1e-6)) if at]
+
+
+def descend(
+    costs_and_gradients: Callable[[Any], tuple[Any, Any]],
+    box: Box,
+    starts: np.ndarray,
+    *,
+    iterations: int,
+    learning_rate: float,
+    progress: Progress = lambda i, n, cost: None,
+) -> tuple[np.ndarray, list[list[float]]]:
+    """Descend from every start (Adam, cosine decay), each gradient held to unit length.
+
+    Args:
+        costs_and_gradients: of points (sets, parameters): costs (sets,), and the gradient of each with respect
+            to its own point.
+        starts: points (sets, parameters).
+
+    Returns:
+        The best point of every descent, (sets, parameters), and the costs by iteration.
+    """
+    points = jnp.asarray(starts)
+    moments = _ADAM.init(points)
+    best, best_points, history = np.full(len(starts), np.inf), np.array(starts), []
+    for iteration in range(iterations):
+        before = np.asarray(points)
+        rate = learning_rate * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * iteration / iterations)))
+        costs, gradients = costs_and_gradients(points)
+        points, moments = _step(points, moments, gradients, rate, *box.limits)
+        costs = np.asarray(costs)
+        history.append([float(c) for c in costs])
+        better = costs < best
+        best, best_points = np.where(better, costs, best), np.where(better[:, None], before, best_points)
+        progress(iteration + 1, iterations, float(best.min()))
+    return best_points, history
+
+
+@jax.jit
+def _step(points, moments, gradients, rate, low, high):
+    gradients = gradients / jnp.maximum(jnp.linalg.norm(gradients, axis=1, keepdims=True), 1.0)
+    updates, moments = _ADAM.update(gradients, moments)
+    return jnp.clip(points - rate * updates, low, high), moments
+
+
+def screen(costs: Costs, box: Box, first: np.ndarray, *, scatter: float, count: int, keep: int, seed: int):
+    """The best `keep` of `count` random points around `first`, (keep, parameters)."""
+    if keep < 1:
+        return np.empty((0, len(first)))
+    spread = np.random.default_rng(seed).normal(size=(count, len(first))) * scatter
+    points = np.clip(first + spread, *box.limits)
+    return points[np.argsort(costs(points))[:keep]]
+
+
+def refine(
+    costs: Costs, box: Box, candidates: np.ndarray, *, rounds: int, count: int, widest: float, narrowing: float, seed
+) -> tuple[np.ndarray, float]:
+    """The best of the candidates, and what random search around it finds.
+
+    Args:
+        candidates: points (sets, parameters).
+        rounds, count: of the search, and points tried in each.
+        widest, narrowing: standard deviation of the first round, and its factor from one to the next.
+
+    Returns:
+        The best point and its cost.
+    """
+    rng = np.random.default_rng(seed)
+    judged = costs(candidates)
+    best, cost = candidates[np.argmin(judged)], float(judged.min())
+    for round_ in range(rounds):
+        nearby = np.clip(best + rng.normal(size=(count, len(best))) * widest * narrowing**round_, *box.limits)
+        judged = costs(nearby)
+        if judged.min() < cost:
+            best, cost = nearby[np.argmin(judged)], float(judged.min())
+    return best, cost
+
+
+def in_chunks(function: Callable[[np.ndarray], Any], points: np.ndarray, size: int, axis: int = 0) -> Any:
+    """`function` over points (sets, parameters) in chunks of one shape, compiled once; leaves joined along `axis`."""
+    pieces = []
+    for first in range(0, len(points), size):
+        chunk = np.resize(points[first : first + size], (size, *points.shape[1:]))
+        pieces.append(jax.tree.map(np.asarray, function(chunk)))
+    return jax.tree.map(lambda *x: np.concatenate(x, axis=axis).take(np.arange(len(points)), axis=axis), *pieces)
