@@ -18,6 +18,7 @@ from absjax.observers.clamped import Clamped
 from absjax.observers.sampled import Observation, ObserverStatus, Sample, observe
 from absjax.observers.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
 from absjax.road import SURFACES, ChangingRoad, UniformRoad, surface
+from absjax.sensor import NoisySensor
 from absjax.tyre import Burckhardt, ExponentialBasis, fit_exponential_basis
 from absjax.vehicle import GRAVITY, QuarterCar, TestRig, Wheel
 
@@ -38,6 +39,7 @@ __all__ = [
     "ExponentialBasis",
     "FivePhase",
     "HybridSystem",
+    "NoisySensor",
     "Observation",
     "ObserverStatus",
     "Outcome",

@@ -22,6 +22,8 @@ from tuning.search import in_chunks
 
 CHUNK = 64
 """Parameter sets that are rolled out together when only distances are wanted: one shape, compiled once."""
+FEW = 4
+"""As many are not worth filling up a chunk."""
 SHARPNESS = 600.0
 """Of the smooth maximum over the rows: larger is nearer to the maximum."""
 LONG_CYCLE_CHARGE = 0.05
@@ -146,8 +148,9 @@ def judge(problem: Problem, parameters: Mapping[str, Any], step: float | None = 
     """Judge parameter sets, in chunks: located, or with guards tested every `ticks` steps."""
     same, names = dataclasses.replace(problem, objective="worst"), tuple(parameters)
     sets = np.stack([np.asarray(parameters[name], float) for name in names], axis=1)
+    size = CHUNK if len(sets) > FEW else len(sets)
     ratios, *rest = in_chunks(
-        lambda chunk: _judged(same, dict(zip(names, chunk.T)), step or problem.step, ticks), sets, CHUNK, axis=-1
+        lambda chunk: _judged(same, dict(zip(names, chunk.T)), step or problem.step, ticks), sets, size, axis=-1
     )
     return Judgement(ratios.mean(axis=0) if problem.objective == "mean" else ratios.max(axis=0), *rest)
 
@@ -187,7 +190,7 @@ def build(config: TuningConfig) -> Problem:
         longest_cycle=config.longest_cycle,
         horizon=SAFETY_HORIZON * float(np.max(speed / (GRAVITY * peak))) + 1.0,
         step=config.grid_step,
-        substeps=config.substeps,
+        substeps=config.steps_per_sample,
         max_events=config.max_events,
         ordered=config.kind.ordered,
         objective=config.objective,

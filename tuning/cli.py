@@ -1,4 +1,4 @@
-"""The command line: `python -m tuning demo | identify | tune-abs | tune-observer | observer-study`."""
+"""The command line: `python -m tuning demo | identify | tune-abs | abs-study | tune-observer | observer-study`."""
 
 import contextlib
 import os
@@ -147,6 +147,17 @@ def _tune(config, out: Path, title: str):
     return result
 
 
+@app.command("abs-study")
+def abs_study(
+    out: Out, stops: Annotated[int, typer.Option(min=20, help="Scattered stops of each controller.")] = 2000
+) -> None:
+    """All controllers: limit cycles, the published table of distances, further roads, robustness; with figures."""
+    with _clear_errors():
+        from tuning.abs_tasks import run_study
+
+        _print_study(run_study(out, stops), out)
+
+
 @app.command("tune-observer")
 def tune_observer(
     out: Out,
@@ -189,12 +200,16 @@ def tune_observer(
 @app.command("observer-study")
 def observer_study(out: Out) -> None:
     """Published gains against tuned: settling, noise, wrong speed, a rig log, tracking; tables and figures."""
-    begun = time.monotonic()
     with _clear_errors():
         from tuning.observer_tasks import study
 
-        for report in study(out):
-            _print_report(report)
+        _print_study(study(out), out)
+
+
+def _print_study(reports, out: Path) -> None:
+    begun = time.monotonic()
+    for report in reports:
+        _print_report(report)
     console.print(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/", highlight=False)
 
 

@@ -49,6 +49,8 @@ class TuningConfig(Entries):
         scatter: standard deviation of the random starts' logarithms.
         iterations, learning_rate, seed: of the descent (Adam on the logarithms, cosine decay).
         step: grid step [s]; what the controller's default parameters and the observer's gains need when None.
+        substeps: Runge-Kutta steps of the observer per sample of the sampled semantics; when None twice what its
+            published gains need, because a brake that is not as the observer takes it to be asks for more.
         max_events: switchings a stop may make.
         sampled_period: period at which guards are tested when the result is re-scored [s].
         refinements: rounds of random search around the winner, under both semantics.
@@ -82,6 +84,7 @@ class TuningConfig(Entries):
     learning_rate: float = 0.05
     seed: int = 0
     step: float | None = None
+    substeps: int | None = None
     max_events: int = 800
     sampled_period: float = 1e-3
     refinements: int = 4
@@ -96,6 +99,7 @@ class TuningConfig(Entries):
         for name in ("starts", "iterations", "max_events"):
             require(name, getattr(self, name), getattr(self, name) >= 1, "an integer >= 1")
         require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
+        require("substeps", self.substeps, self.substeps is None or self.substeps >= 1, "an integer >= 1, or null")
         require("step", self.step, self.step is None or 0 < self.step < math.inf, "positive, or null")
         for name in ("sampled_period", "learning_rate", "driver_pressure", "stop_speed_kmh", "longest_cycle"):
             require(name, getattr(self, name), 0 < getattr(self, name) < math.inf, "positive")
@@ -138,9 +142,11 @@ class TuningConfig(Entries):
         return self.kind.step if self.observer is None else 1e-3 / KINDS[self.observer].substeps
 
     @property
-    def substeps(self) -> int:
+    def steps_per_sample(self) -> int:
         """Runge-Kutta steps of the observer per sample."""
-        return 1 if self.observer is None else max(1, round(KINDS[self.observer].substeps * self.sampled_period / 1e-3))
+        if self.observer is None:
+            return 1
+        return self.substeps or math.ceil(2 * KINDS[self.observer].substeps * self.sampled_period / 1e-3)
 
     def car(self) -> Wheel:
         """The wheel."""

@@ -4,7 +4,6 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from importlib import resources
 from pathlib import Path
-from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -41,6 +40,7 @@ from tuning.observer_study import (
     speed_rows,
     table_runs,
 )
+from tuning.report import Report
 from tuning.scenarios import Scenarios
 from tuning.tracking_study import drive, loops, share_locked, summary, tracking_figure
 from tuning.tune_observer import ObserverResult, trade_off, tune_observer
@@ -52,14 +52,6 @@ SETTLE = 0.5
 """Beginning of a log on which errors do not count, s."""
 TRADE_OFF_WEIGHTS = (0.02, 0.1, 0.3, 1.0, 3.0)
 Progress = Callable[[int, int, float], None]
-
-
-class Report(NamedTuple):
-    """What a task found: tables by title, lines of text, files written."""
-
-    tables: dict[str, list[dict[str, Any]]]
-    lines: list[str]
-    files: list[Path]
 
 
 def _outcome(result: ObserverResult, out: Path, tables, files) -> Report:

@@ -1,13 +1,22 @@
 """Results as tables for the terminal."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from pathlib import Path
+from typing import Any, NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
 from tuning.identify import PARAMETERS, Identification
 from tuning.tune_abs import TuningResult
+
+
+class Report(NamedTuple):
+    """What a task found: tables by title, lines of text, files written."""
+
+    tables: dict[str, list[dict[str, Any]]]
+    lines: list[str]
+    files: list[Path]
 
 
 def identification_table(result: Identification) -> Table:

@@ -4,12 +4,14 @@
 |---|---|---|
 | 0 driver braking | | x2 <= -eps0 -> 1 |
 | 1 release | +zref | XBS >= chi_b -> 2 |
-| 2 apply | -zref | XBS <= chi_a -> 1 |
+| 2 apply | -zref | XBS <= chi_a -> 1; slip <= slip_limit -> 3 |
+| 3 recovery | +recovery zref | slip >= slip_limit / 2 -> 2 |
 
     u = (1/b) [-(a/v) z1 z2 + (kp/v) (z1 - z1*)],  hence  z1' = -(kp/v) (z1 - z1*)
 
 with z1 the wheel acceleration offset and z2 = XBS, true or estimated. The algorithm assumes that it begins
-with z1 < 0 and z2 < 0, where driver braking ends.
+with z1 < 0 and z2 < 0, where driver braking ends. The recovery is ours: where the estimate of XBS is off, as under
+a brake of unknown efficiency, the apply may never end and the wheel lock. By default, slip_limit = -1, there is none.
 Source: Aguado-Rojas 2019, section 4.2.
 """
 
@@ -19,6 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from absjax.control.driver import DriverBraking
+from absjax.control.phases import by_phase
 from absjax.parameters import concrete, model, parameter, part
 from absjax.vehicle import Signals, Wheel
 
@@ -31,8 +34,8 @@ class TwoPhase(DriverBraking):
         ValueError: at construction, unless chi_a < chi_b.
     """
 
-    phases: ClassVar[tuple[str, ...]] = ("driver braking", "release", "apply")
-    slots: ClassVar[int] = 1
+    phases: ClassVar[tuple[str, ...]] = ("driver braking", "release", "apply", "recovery")
+    slots: ClassVar[int] = 2
     cycle_phase: ClassVar[int] = 1
     """the phase whose entry counts a cycle"""
     thresholds: ClassVar[tuple[str, ...]] = ("zref", "eps0")
@@ -46,6 +49,9 @@ class TwoPhase(DriverBraking):
     chi_a: Any = parameter("chi_a, XBS that ends the apply; above -c3, or it never ends", default=-0.1, trainable=True)
     chi_b: Any = parameter("chi_b, XBS that ends the release", default=1.0, trainable=True)
 
+    slip_limit: Any = parameter("slip that ends the apply whatever XBS is", default=-1.0, low=-1.0, high=0.0)
+    recovery: Any = parameter("zref of the recovery, as a multiple", default=3.0, low=0.0, open_low=True)
+
     def __post_init__(self):
         if concrete(self.chi_a) and concrete(self.chi_b) and not np.all(np.less(self.chi_a, self.chi_b)):
             raise ValueError(f"TwoPhase.chi_a = {self.chi_a} must be below chi_b = {self.chi_b}")
@@ -57,16 +63,18 @@ class TwoPhase(DriverBraking):
     def rate(self, signals: Signals, kept, mode):
         """Commanded dPb/dt [bar/s]."""
         offset = signals.acceleration_offset
-        target = jnp.where(mode == 1, self.zref, -self.zref)
+        target = self.zref * by_phase(mode, (0.0, 1.0, -1.0, self.recovery))
         pull = self.gain * (offset - target) - self.wheel.slip_gain * offset * signals.stiffness
         follow = pull / (signals.vehicle_speed * self.wheel.pressure_gain)
         return jnp.where(mode == 0, self.driver_rate(signals), follow)
 
     def guards(self, signals: Signals, kept, mode):
-        """The threshold that leads on."""
-        on_stiffness = jnp.where(mode == 1, signals.stiffness - self.chi_b, self.chi_a - signals.stiffness)
-        return (jnp.where(mode == 0, self.driver_guard(signals), on_stiffness),)
+        """The threshold that leads on; the limit of the slip."""
+        slip = self.wheel.slip(signals.wheel_speed, signals.vehicle_speed)
+        release, apply = signals.stiffness - self.chi_b, self.chi_a - signals.stiffness
+        onward = by_phase(mode, (self.driver_guard(signals), release, apply, slip - 0.5 * self.slip_limit))
+        return onward, jnp.where(mode == 2, self.slip_limit - slip, -1.0)
 
     def switch(self, signals: Signals, kept, mode, slot):
         """Release after driver braking, then one after the other."""
-        return kept, jnp.where(mode == 1, 2, 1)
+        return kept, jnp.where(slot == 1, 3, by_phase(mode, (1, 2, 1, 2)))
