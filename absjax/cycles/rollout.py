@@ -105,29 +105,31 @@ def limit_cycle(
 
 @partial(jax.jit, static_argnums=(1, 2, 3, 4))
 def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
-    first = loop.at(jnp.asarray(loop.plant.speed, jnp.result_type(float)))
-    warm = rollout(_Cycles(loop, warm_up), first, step=step, steps=warm_up * steps, max_events=warm_up * max_events)
+    # What is iterated carries no derivative: the last step below does.
+    held_loop = jax.tree.map(lax.stop_gradient, loop)
+    first = held_loop.at(jnp.asarray(held_loop.plant.speed, jnp.result_type(float)))
+    many = _Cycles(held_loop, warm_up)
+    warm = rollout(many, first, step=step, steps=warm_up * steps, max_events=warm_up * max_events)
     cycling = warm.status == Status.FINISHED
     leaves, tree = jax.tree.flatten((warm.state.plant, warm.state.brake, warm.state.observer))
-    start = lax.stop_gradient(jnp.stack(jnp.broadcast_arrays(*leaves), axis=-1))
+    start = jnp.stack(jnp.broadcast_arrays(*leaves), axis=-1)
 
-    def begin(point) -> LoopState:
+    def begin(loop, point) -> LoopState:
         plant, brake, observer = jax.tree.unflatten(tree, [point[..., i] for i in range(point.shape[-1])])
         zero = 0.0 * point[..., 0]
         state = LoopState(plant, brake, observer, (), Memory(zero, zero, zero, zero, zero, zero))
-        told = _each(lambda loop, state, time: loop.signals(time, state), loop, state, zero)
-        return state._replace(controller=_each(lambda loop, told: loop.controller.at(told), loop, told))
+        return state._replace(controller=_each(lambda loop, told: loop.controller.at(told), loop, _told(loop, state)))
 
-    def returned(point):
-        begun, phase = begin(point), loop.controller.cycle_phase
+    def returned(loop, point):
+        begun, phase = begin(loop, point), loop.controller.cycle_phase
         end = rollout(_Cycles(loop, 1), begun, phase, step=step, steps=steps, max_events=max_events)
         parts = jax.tree.leaves((end.state.plant, end.state.brake, end.state.observer))
         return jnp.stack(parts, axis=-1), (end.time, end.status)
 
-    def with_slope(point):
+    def with_slope(loop, point):
         """M(x) and M'(x), (..., n, n): lanes do not know of each other, so one direction serves them all."""
         directions = jnp.eye(point.shape[-1], dtype=point.dtype)
-        image, tangent, rest = jax.linearize(returned, point, has_aux=True)
+        image, tangent, rest = jax.linearize(partial(returned, loop), point, has_aux=True)
         columns = jax.vmap(lambda e: tangent(jnp.broadcast_to(e, point.shape)))(directions)
         return image, jnp.moveaxis(columns, 0, -1), rest
 
@@ -135,25 +137,30 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
 
     def newton(_, carry):
         point, _ = carry
-        image, slope, _ = with_slope(point)
+        image, slope, _ = with_slope(held_loop, point)
         return point + _solve(identity - slope, image - point), slope
 
     nowhere = jnp.zeros((*start.shape, start.shape[-1]), start.dtype)
-    point, held = lax.stop_gradient(lax.fori_loop(0, NEWTON_STEPS, newton, (start, nowhere)))
+    point, held = lax.fori_loop(0, NEWTON_STEPS, newton, (start, nowhere))
     # One more step, with the slope held, carries the derivative of the fixed point.
-    image, (_, ended) = returned(point)
+    image, (_, ended) = returned(loop, point)
     gap = jnp.abs(image - point) / jnp.maximum(jnp.abs(point), 1.0)
     fixed = jnp.all(gap < TOLERANCE, axis=-1) & (ended == Status.FINISHED)
     point = jnp.where(fixed[..., None], point + _solve(identity - held, image - point), point)
-    _, slope, (period, _) = with_slope(point)
-    state = begin(point)
-    told = _each(lambda loop, state, time: loop.signals(time, state), loop, state, 0.0 * point[..., 0])
+    _, slope, (period, _) = with_slope(loop, point)
+    state = begin(loop, point)
+    told = _told(loop, state)
     reached = jnp.where(fixed, CycleStatus.FOUND, CycleStatus.NOT_CONVERGED)
     status = jnp.where(cycling, reached, CycleStatus.NOT_CYCLING).astype(jnp.int32)
     found = status == CycleStatus.FOUND
     contraction = _largest_eigenvalue(jnp.where(found[..., None, None], slope, 0.0))
     contraction = jnp.where(found, contraction, jnp.inf)
     return LimitCycle(state, told.acceleration_offset, told.stiffness, period, contraction, status)
+
+
+def _told(loop: ClosedLoop, state: LoopState):
+    """What the controller is told at time 0."""
+    return _each(lambda loop, state: loop.signals(0.0 * state.plant.wheel_speed, state), loop, state)
 
 
 def _each(function, loop: ClosedLoop, *arguments):

@@ -93,4 +93,5 @@ def two_phase_cycle(c, d, *, zref, gain, chi_a, chi_b) -> TwoPhaseCycle:
 
     q = lax.stop_gradient(lax.fori_loop(0, ITERATIONS, newton, jnp.minimum(fixed + 1, (5 * fixed) ** (1 / 3))))
     q = q + (half - fixed) / jnp.tanh(q) ** 2
-    return TwoPhaseCycle(kappa, -zref * jnp.tanh(q), jnp.exp(-4 * q), 4 * q / gain, -SUFFICIENT / kappa)
+    fields = kappa, -zref * jnp.tanh(q), jnp.exp(-4 * q), 4 * q / gain, -SUFFICIENT / kappa
+    return TwoPhaseCycle(*jnp.broadcast_arrays(*fields))

@@ -1,0 +1,306 @@
+"""Every controller, under both semantics, against an automaton written by hand: SciPy with events, and a plain loop.
+
+One entry of CASES a controller; nothing here uses the project's controllers but to be compared with.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from absjax.actuator import Brake
+from absjax.closed_loop import ClosedLoop, SampledLoop
+from absjax.control.bosch import BoschLogic
+from absjax.control.five_phase import FivePhase
+from absjax.control.slip import SlipControl
+from absjax.control.stiffness import StiffnessControl
+from absjax.control.tracking import AccelerationTracking
+from absjax.control.two_phase import TwoPhase
+from absjax.engine import rollout
+from absjax.hybrid import UNDEFINED
+from absjax.manoeuvre import Outcome, stop
+from absjax.observers.adaptive import AdaptiveObserver
+from absjax.road import SURFACES, UniformRoad
+from absjax.vehicle import QuarterCar, Wheel
+
+INERTIA, RADIUS, LOAD, BRAKE, GRAVITY = 1.2, 0.3, 2500.0, 17.5, 9.81
+A, B = RADIUS**2 * LOAD / INERTIA, RADIUS * BRAKE / INERTIA
+TYRE = SURFACES["wet_asphalt"]
+C1, C2, C3 = (float(c) for c in (TYRE.c1, TYRE.c2, TYRE.c3))
+SPEED, END, STEP = 20.0, 0.7, 5e-4
+
+
+class Seen(NamedTuple):
+    """Signals, worked out by hand from (v, w, distance, P)."""
+
+    t: float
+    v: float
+    ax: float
+    rim: float
+    x2: float
+    xbs: float
+    slip: float
+
+
+def seen(t, y) -> Seen:
+    v, w, _, pressure = y
+    slip = RADIUS * w / v - 1
+    mu = np.sign(slip) * C1 * (1 - np.exp(-C2 * abs(slip))) - C3 * slip
+    dw = (-RADIUS * LOAD * mu - BRAKE * pressure) / INERTIA
+    xbs = C1 * C2 * np.exp(-C2 * abs(slip)) - C3
+    return Seen(t, v, GRAVITY * mu, RADIUS * w, RADIUS * dw - GRAVITY * mu, xbs, slip)
+
+
+class Case(NamedTuple):
+    """A controller, and the same as functions of what is seen and kept (entry time and one number)."""
+
+    controller: Any
+    rate: Any
+    """(mode, seen, kept, p) -> bar/s"""
+    edges: Any
+    """(mode, seen, kept, p) -> [(guard, following)]"""
+    keep: Any
+    """(seen, kept, p) -> kept"""
+    trained: str
+    mode: int = 0
+
+
+def nothing(s, kept, p):
+    return (s.t, s.x2)
+
+
+def five_rate(mode, s, kept, p):
+    return [p.ramp * p.u4, -p.u1, 0.0, p.u3, p.u4, 0.0][mode] / s.rim
+
+
+def five_edges(mode, s, kept, p):
+    x = s.x2
+    onward = [-p.eps0 - x, x - p.eps1, x - p.eps2, p.eps3 - x, -p.eps4 - x, -p.eps5 - x][mode]
+    ways = [(onward, 1 if mode == 5 else mode + 1)]
+    return ways + [(p.fallback * p.eps1 - x, 4)] if mode == 2 else ways
+
+
+def tracking_rate(mode, s, kept, p):
+    if mode == 0:
+        return p.ramp / s.rim
+    if mode in (2, 5):
+        return 0.0
+    way = 1.2 * ({1: p.eps1, 3: p.eps3, 4: -p.eps4}[mode] - kept[1])
+    duration = 1.5 * abs(way) / (B * 750.0)
+    q = min((s.t - kept[0]) / duration, 1.0)
+    target, slope = kept[1] + way * (3 * q**2 - 2 * q**3), way * 6 * q * (1 - q) / duration
+    return -(A / s.v * s.xbs * s.x2 + slope - p.gain * (s.x2 - target)) / B
+
+
+def tracking_edges(mode, s, kept, p):
+    ways = five_edges(mode, s, kept, p)
+    return ways + [(s.x2 + p.fallback * p.eps4, 4)] if mode == 5 else ways
+
+
+def two_rate(mode, s, kept, p):
+    target = {1: p.zref, 2: -p.zref, 3: p.recovery * p.zref}.get(mode)
+    return p.ramp / s.rim if mode == 0 else (p.gain * (s.x2 - target) - A * s.x2 * s.xbs) / (s.v * B)
+
+
+def two_edges(mode, s, kept, p):
+    if mode == 0:
+        return [(-p.eps0 - s.x2, 1)]
+    if mode == 1:
+        return [(s.xbs - p.chi_b, 2)]
+    if mode == 3:
+        return [(s.slip - p.slip_limit / 2, 2)]
+    return [(p.chi_a - s.xbs, 1), (p.slip_limit - s.slip, 3)]
+
+
+def stiffness_rate(mode, s, kept, p):
+    if mode == 0:
+        return p.ramp / s.rim
+    room = p.c * s.xbs + p.d
+    target, slope = -p.rate_gain * s.xbs / room, -p.rate_gain * p.d * s.x2 / room / s.v
+    return (-A / s.v * s.x2 * s.xbs + p.gain / s.v * (s.x2 - target) - slope) / B
+
+
+def slip_rate(mode, s, kept, p):
+    if mode == 0:
+        return p.ramp / s.rim
+    return p.gain * (s.x2 - (s.ax * s.slip - p.pull * (s.slip - p.slip))) / (s.v * B)
+
+
+def driver_edge(mode, s, kept, p):
+    return [(-p.eps0 - s.x2, 1)] if mode == 0 else [(-1.0, 1)]
+
+
+def bosch_rate(mode, s, kept, p):
+    return [p.ramp, 0.0, -p.release, 0.0, p.apply, 0.0, p.step, 0.0][mode] / s.rim
+
+
+def bosch_edges(mode, s, kept, p):
+    acc, spent = s.x2 + s.ax, s.t - kept[0]
+    low, high, h = p.minus_a, p.plus_A, p.share
+    return [
+        [(-low - acc, 1)],
+        [((1 - p.lambda1) * (kept[1] - p.gradient * spent) - s.rim, 2), (acc + h * low, 0)],
+        [(acc + h * low, 3)],
+        [(acc - high, 4), (-low - acc, 2), (spent - p.longest_hold, 6)],
+        [(h * high - acc, 5)],
+        [(p.plus_a - acc, 6), (acc - high, 4)],
+        [(-low - acc, 2), (spent - p.pulse, 7)],
+        [(-low - acc, 2), (spent - p.pause, 6)],
+    ][mode]
+
+
+def bosch_keep(s, kept, p):
+    return (s.t, max(s.rim, kept[1] - p.gradient * (s.t - kept[0])))
+
+
+CASES = {
+    "five-phase": Case(FivePhase(), five_rate, five_edges, nothing, "eps1"),
+    "tracking": Case(AccelerationTracking(eps5=25.0), tracking_rate, tracking_edges, nothing, "eps1"),
+    "two-phase": Case(TwoPhase(chi_a=-0.05), two_rate, two_edges, nothing, "chi_b"),
+    "two-phase, slip limit": Case(TwoPhase(chi_a=-0.3, slip_limit=-0.16), two_rate, two_edges, nothing, "zref"),
+    "continuous XBS": Case(StiffnessControl(c=33.8, d=11.7), stiffness_rate, driver_edge, nothing, "rate_gain"),
+    "continuous slip": Case(SlipControl(), slip_rate, driver_edge, nothing, "slip"),
+    "eight-phase": Case(
+        BoschLogic(minus_a=14.0, plus_A=60.0, pulse=0.02), bosch_rate, bosch_edges, bosch_keep, "release"
+    ),
+}
+
+
+def loop_of(controller) -> ClosedLoop:
+    return ClosedLoop(QuarterCar(Wheel(), UniformRoad(TYRE)), Brake(), controller)
+
+
+def begin():
+    return np.array([SPEED, SPEED / RADIUS, 0.0, 0.0])
+
+
+def located_by_scipy(case: Case):
+    """End state and number of switchings: DOP853 with terminal events, restarted at every switching."""
+    p, y, t, mode, count = case.controller, begin(), 0.0, 0, 0
+    kept = case.keep(seen(t, y), (0.0, SPEED), p)
+
+    def flow(t, y, mode, kept):
+        s = seen(t, y)
+        return [s.ax, (s.x2 + s.ax) / RADIUS, s.v, case.rate(mode, s, kept, p)]
+
+    while True:
+        s = seen(t, y)
+        opened = [following for guard, following in case.edges(mode, s, kept, p) if guard > 1e-6]
+        if opened:
+            mode, kept, count = opened[0], case.keep(s, kept, p), count + 1
+            continue
+        events = []
+        for i in range(len(case.edges(mode, seen(t, y), kept, p))):
+
+            def event(t, y, mode, kept, i=i):
+                return case.edges(mode, seen(t, y), kept, p)[i][0]
+
+            event.terminal, event.direction = True, 1
+            events.append(event)
+        run = solve_ivp(
+            flow, (t, END), y, "DOP853", events=events, args=(mode, kept), rtol=1e-10, atol=1e-10, max_step=5e-3
+        )
+        t, y = run.t[-1], run.y[:, -1]
+        if run.status == 0:
+            return y, count
+        fired = next(i for i, times in enumerate(run.t_events) if len(times))
+        s = seen(t, y)
+        mode, kept, count = case.edges(mode, s, kept, p)[fired][1], case.keep(s, kept, p), count + 1
+
+
+def sampled_by_hand(case: Case, step: float, steps: int):
+    """End state and number of switchings: Runge-Kutta steps, guards tested at each, the rate held between."""
+    p, y, mode, count = case.controller, begin(), 0, 0
+    kept = case.keep(seen(0.0, y), (0.0, SPEED), p)
+    rate = case.rate(mode, seen(0.0, y), kept, p)
+    for k in range(1, steps + 1):
+
+        def flow(y, rate=rate, k=k):
+            s = seen(k * step, y)
+            return np.array([s.ax, (s.x2 + s.ax) / RADIUS, s.v, rate])
+
+        k1 = flow(y)
+        k2 = flow(y + step / 2 * k1)
+        k3 = flow(y + step / 2 * k2)
+        y = y + step / 6 * (k1 + 2 * k2 + 2 * k3 + flow(y + step * k3))
+        s = seen(k * step, y)
+        for guard, following in case.edges(mode, s, kept, p):
+            if guard >= 0:
+                mode, kept, count = following, case.keep(s, kept, p), count + 1
+                break
+        rate = case.rate(mode, s, kept, p)
+    return y, count
+
+
+def end_of(result):
+    state = result.state.loop if hasattr(result.state, "loop") else result.state
+    return [state.plant.speed, state.plant.wheel_speed, state.plant.distance, state.brake.commanded]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_located_against_scipy_and_gradient_against_differences(name):
+    case = CASES[name]
+    value = float(getattr(case.controller, case.trained))
+    h = 1e-4 * abs(value)
+
+    def run(values):
+        loop = loop_of(dataclasses.replace(case.controller, **{case.trained: values}))
+        return rollout(loop, loop.at(jnp.asarray(SPEED)), step=STEP, steps=round(END / STEP), max_events=120)
+
+    lanes = run(jnp.array([value, value + h, value - h]))
+    expected, count = located_by_scipy(case)
+    assert int(lanes.events[0]) == count > 0
+    np.testing.assert_allclose([float(x[0]) for x in end_of(lanes)], expected, rtol=2e-5)
+    assert abs(float(lanes.state.plant.distance[0]) - expected[2]) < 2e-6
+    gradient = float(jax.grad(lambda x: run(x).state.plant.speed)(value))
+    speeds = np.asarray(lanes.state.plant.speed)
+    assert np.all(np.asarray(lanes.events) == count)
+    assert gradient == pytest.approx((speeds[1] - speeds[2]) / (2 * h), rel=1e-5, abs=1e-9 / h)
+    single = run(jnp.asarray(value))
+    assert float(single.state.plant.distance) == pytest.approx(float(lanes.state.plant.distance[0]), rel=1e-13)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_sampled_against_a_plain_loop(name):
+    case, step, steps = CASES[name], 1e-3, 600
+    sampled = SampledLoop(loop_of(case.controller))
+    starts = [sampled.at(jnp.asarray(SPEED, dtype)) for dtype in (jnp.float64, jnp.float32)]
+    results = [rollout(sampled, start, step=step, steps=steps) for start in starts]
+    expected, count = sampled_by_hand(case, step, steps)
+    np.testing.assert_allclose([float(x) for x in end_of(results[0])], expected, rtol=1e-8)
+    cycling = results[0].state.loop.memory
+    assert count > 0 and float(cycling.onset_time) > 0
+    assert end_of(results[1])[0].dtype == jnp.float32
+    assert float(end_of(results[1])[0]) == pytest.approx(expected[0], rel=2e-3)
+
+
+def test_continuous_control_of_xbs_reaches_the_peak_and_says_when_it_is_not_defined():
+    controller = StiffnessControl(c=C2, d=C2 * C3)
+    loop = dataclasses.replace(loop_of(controller), stop_speed=8.0)
+    result = stop(loop, SPEED, horizon=3.0, step=1e-3)
+    assert Outcome(int(result.outcome)) is Outcome.STOPPED
+    assert float(result.efficiency) > 0.99 and float(result.longest_cycle) == 0.0 and int(result.cycles) == 0
+    narrow = dataclasses.replace(loop, controller=StiffnessControl(c=C2, d=1.0))
+    assert Outcome(int(stop(narrow, SPEED, horizon=3.0, step=1e-3).outcome)) is Outcome.CONTROL_UNDEFINED
+    observer = AdaptiveObserver.placed(Wheel(), (160.0, 6400.0), (4e4, 1e4))
+    blind = dataclasses.replace(loop_of(controller), observer=observer)
+    start = blind.braking(jnp.asarray(25.0), TYRE.slip_at(8.0), -100.0)
+    failed = rollout(blind, start, 1, step=1.25e-4, steps=2000)
+    assert int(failed.mode) == UNDEFINED and float(failed.time) < 0.2
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(failed.state))
+
+
+def test_a_loop_starts_where_it_is_told_to():
+    state = loop_of(TwoPhase()).braking(jnp.asarray(SPEED), TYRE.slip_at(1.5), -30.0)
+    signals = loop_of(TwoPhase()).signals(0.0, state)
+    assert float(signals.acceleration_offset) == pytest.approx(-30.0, rel=1e-12)
+    assert float(signals.stiffness) == pytest.approx(1.5, rel=1e-12)
+
+
+def test_thresholds_out_of_order_are_refused():
+    with pytest.raises(ValueError, match=r"BoschLogic\.plus_a = 50\.0 must be below plus_A = 40\.0"):
+        BoschLogic(plus_a=50.0)

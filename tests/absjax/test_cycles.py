@@ -1,0 +1,167 @@
+"""Limit cycles: closed form, Lambert's W, rollout and SciPy agree; published numbers; derivatives."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.special import lambertw
+
+from absjax.actuator import Brake
+from absjax.closed_loop import ClosedLoop
+from absjax.control.five_phase import FivePhase
+from absjax.control.slip import SlipControl
+from absjax.control.two_phase import TwoPhase
+from absjax.cycles.lambert import lambert_w0
+from absjax.cycles.rollout import CycleStatus, limit_cycle
+from absjax.cycles.two_phase import kappa_of, poincare_map, two_phase_cycle
+from absjax.engine import rollout
+from absjax.road import SURFACES, UniformRoad
+from absjax.tyre import Burckhardt
+from absjax.vehicle import TestRig, Wheel
+
+DRY = SURFACES["dry_asphalt"]
+C, D = 23.99, 12.4748
+FIRM = {"zref": 20.0, "gain": 200.0, "chi_a": -0.2, "chi_b": 3.0}
+SOFT = {"zref": 20.0, "gain": 20.0, "chi_a": 0.0, "chi_b": 1.0}
+SPEED = 20.0
+
+
+def rig(controller, tyre=DRY, speed=SPEED, **brake):
+    return ClosedLoop(TestRig(Wheel(), UniformRoad(tyre), speed), Brake(**brake), controller)
+
+
+def test_published_numbers_to_six_digits():
+    firm, soft = two_phase_cycle(C, D, **FIRM), two_phase_cycle(C, D, **SOFT)
+    assert float(firm.kappa) == pytest.approx(-0.00499770, abs=5e-9)
+    assert float(firm.offset) == pytest.approx(-17.623182, abs=5e-7)
+    assert float(firm.contraction) == pytest.approx(0.00399099, abs=5e-9)
+    assert float(firm.period) == pytest.approx(0.027619, abs=5e-7)
+    assert float(soft.offset) == pytest.approx(-7.861404, abs=5e-7)
+    assert float(soft.contraction) == pytest.approx(0.189815, abs=5e-7)
+
+
+def test_lambert_against_scipy():
+    x = np.concatenate([-np.exp(-1 - np.logspace(-9, 1.2, 40)), [0.0]])
+    np.testing.assert_allclose(lambert_w0(x), lambertw(x).real, atol=2e-10)
+    assert float(lambert_w0(-np.exp(-1.0))) == pytest.approx(-1.0, abs=1e-7)
+    w = float(lambertw(-0.2).real)
+    assert float(jax.grad(lambert_w0)(-0.2)) == pytest.approx(1 / (np.exp(w) * (1 + w)), rel=1e-12)
+    assert lambert_w0(jnp.float32(-0.2)).dtype == jnp.float32
+    assert np.isfinite(float(jax.grad(lambert_w0)(-np.exp(-1.0))))
+
+
+def one_cycle_by_scipy(z1, zref, gain, chi_a, chi_b):
+    """z1 after release and apply, by integration of eq. 4.5."""
+    z2 = chi_a
+    for target, goal in ((zref, chi_b), (-zref, chi_a)):
+
+        def arrived(s, z, goal=goal):
+            return z[1] - goal
+
+        arrived.terminal, arrived.direction = True, 1 if goal == chi_b else -1
+        run = solve_ivp(
+            lambda s, z, target=target: [-gain * (z[0] - target), (C * z[1] + D) * z[0]],
+            (0.0, 10.0),
+            [z1, z2],
+            "DOP853",
+            events=arrived,
+            rtol=1e-12,
+            atol=1e-12,
+            max_step=2e-3,
+        )
+        z1, z2 = run.y[0, -1], goal
+    return z1
+
+
+@pytest.mark.parametrize("settings", [FIRM, SOFT], ids=["firm", "soft"])
+def test_closed_form_lambert_and_scipy_agree(settings):
+    cycle = two_phase_cycle(C, D, **settings)
+    zeta, gain = float(cycle.offset) / settings["zref"], settings["gain"]
+    assert float(poincare_map(zeta, gain, cycle.kappa)) == pytest.approx(zeta, abs=1e-12)
+    slope = jax.grad(poincare_map)(zeta, gain, float(cycle.kappa))
+    assert float(slope) == pytest.approx(float(cycle.contraction), abs=1e-12)
+    for start in (zeta, 0.5 * zeta, 3.0 * zeta):
+        mapped = settings["zref"] * float(poincare_map(start, gain, cycle.kappa))
+        assert mapped == pytest.approx(one_cycle_by_scipy(settings["zref"] * start, **settings), abs=1e-9)
+
+
+@pytest.mark.parametrize("settings", [FIRM, SOFT], ids=["firm", "soft"])
+def test_rollout_agrees_with_the_closed_form_and_so_do_gradients(settings):
+    closed = two_phase_cycle(C, D, **settings)
+
+    def rolled(settings):
+        cycle = limit_cycle(rig(TwoPhase(**settings)), step=2.5e-4, warm_up=4)
+        return {"offset": cycle.offset, "contraction": cycle.contraction}, cycle
+
+    gradients, cycle = jax.jacrev(rolled, has_aux=True)(settings)
+    assert int(cycle.status) == CycleStatus.FOUND
+    assert float(cycle.offset) == pytest.approx(float(closed.offset), abs=1e-9)
+    assert float(cycle.contraction) == pytest.approx(float(closed.contraction), abs=1e-9)
+    assert float(cycle.period) == pytest.approx(float(closed.period) * SPEED, abs=1e-9)
+    assert float(cycle.stiffness) == pytest.approx(settings["chi_a"], abs=1e-9)
+    for field, found in gradients.items():
+        exact = jax.grad(lambda s, field=field: getattr(two_phase_cycle(C, D, **s), field))(settings)
+        for name in settings:
+            h = 1e-6 * max(abs(settings[name]), 1.0)
+            ends = [getattr(two_phase_cycle(C, D, **{**settings, name: settings[name] + e}), field) for e in (h, -h)]
+            assert float(exact[name]) == pytest.approx(float(ends[0] - ends[1]) / (2 * h), rel=1e-6, abs=1e-9)
+            assert float(found[name]) == pytest.approx(float(exact[name]), rel=1e-5, abs=1e-9)
+
+
+def test_contraction_is_below_one_for_every_gain_and_the_condition_of_the_source_is_only_sufficient():
+    gain = np.logspace(-3, 4, 50)
+    cycle = two_phase_cycle(C, D, zref=20.0, gain=gain, chi_a=0.0, chi_b=1.0)
+    contraction = np.asarray(cycle.contraction)
+    assert np.all(np.diff(contraction) < 0) and np.all((contraction > 0) & (contraction < 1))
+    m = 1.0
+    bound = (np.log(m / (m + 1)) - m / (m + 1) + 1) / float(cycle.kappa[0])
+    assert float(cycle.sufficient_gain[0]) == pytest.approx(bound, rel=1e-12)
+    assert gain[0] < bound
+
+
+def tuned_five_phase(eps1=20.0, tyre=SURFACES["dry_cobblestones"]):
+    thresholds = {"eps0": 26.8, "eps1": eps1, "eps2": 12.25, "eps3": 17.4, "eps4": 10.1, "eps5": 12.0, "fallback": 0.92}
+    controller = FivePhase(**thresholds, u1=19150.0, u3=1840.0, u4=350.0, ramp=1.28)
+    return rig(controller, tyre, 30 / 3.6, rate_limit=750.0, lag=5e-3, driver_pressure=150.0)
+
+
+def test_five_phase_cycle_by_rollout_against_repeated_cycles():
+    """The contraction is what shrinks the distance to the fixed point from one cycle to the next."""
+    loop = tuned_five_phase()
+    cycle = limit_cycle(loop)
+    assert int(cycle.status) == CycleStatus.FOUND and 0.1 < float(cycle.contraction) < 1
+    assert float(cycle.offset) == pytest.approx(-12.0, abs=1e-8)
+    run = rollout(loop, loop.at(jnp.asarray(30 / 3.6)), step=1e-3, steps=3000, save_switches=True)
+    periods = np.diff(np.asarray(run.switches.time)[np.asarray(run.switches.target) == 1])
+    assert periods[-1] == pytest.approx(float(cycle.period), abs=1e-5)
+    gaps = np.abs(periods - float(cycle.period))
+    late = gaps[4:9]
+    assert np.median(late[1:] / late[:-1]) == pytest.approx(float(cycle.contraction), rel=0.05)
+
+
+def test_gradient_of_the_five_phase_contraction_over_lanes():
+    names = ("dry_cobblestones", "dry_asphalt")
+    tyres = Burckhardt(*(np.array([float(getattr(SURFACES[r], c)) for r in names]) for c in ("c1", "c2", "c3")))
+
+    def contraction(eps1):
+        return limit_cycle(tuned_five_phase(eps1, tyres)).contraction
+
+    value, gradient = jax.value_and_grad(lambda x: contraction(x)[0])(20.0)
+    h = 1e-3
+    difference = (contraction(20.0 + h)[0] - contraction(20.0 - h)[0]) / (2 * h)
+    assert 0 < float(value) < 1
+    assert float(gradient) == pytest.approx(float(difference), rel=1e-4)
+
+
+def test_what_has_no_cycle_says_so():
+    stuck = limit_cycle(rig(TwoPhase(chi_a=-5.0, chi_b=1.0)), warm_up=2, horizon=0.5)
+    assert int(stuck.status) == CycleStatus.NOT_CYCLING and float(stuck.contraction) == np.inf
+    with pytest.raises(ValueError, match="SlipControl does not cycle"):
+        limit_cycle(rig(SlipControl()))
+    with pytest.raises(ValueError, match="stop_speed must be None"):
+        limit_cycle(dataclasses.replace(rig(TwoPhase()), stop_speed=1.0))
+    with pytest.raises(ValueError, match=r"chi_a = -0\.6 must be above -d/c = -0\.52"):
+        kappa_of(C, D, 20.0, -0.6, 1.0)
