@@ -48,7 +48,7 @@ def distances_figure(done: Study):
         fontsize=7,
     )
     axes.set(ylabel="distance above ideal [%], at most 15", ylim=(0, 15))
-    axes.legend(fontsize="small", ncols=3)
+    axes.legend(fontsize="small", ncols=6, loc="lower left", bbox_to_anchor=(0, 1))
     axes.grid(axis="y", alpha=0.3)
     return figure
 
@@ -56,12 +56,12 @@ def distances_figure(done: Study):
 def robustness_figure(excess: dict[str, np.ndarray]):
     """Distribution of distance over ideal on scattered stops, by set; sets of a controller share a colour."""
     figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
-    families = list(dict.fromkeys(label.split(",")[0] for label in excess))
+    families = list(dict.fromkeys(label.rsplit(",", 1)[0] for label in excess))
     for label, values in excess.items():
         ordered = np.sort(100 * (np.where(np.isfinite(values), values, 1e3) - 1))
         share = np.linspace(0, 100, len(ordered))
         style = "--" if label.endswith("as published") else "-"
-        axes.plot(ordered, share, style, color=f"C{families.index(label.split(',')[0])}", label=label)
+        axes.plot(ordered, share, style, color=f"C{families.index(label.rsplit(',', 1)[0])}", label=label)
     axes.set(xlabel="distance above ideal [%]", ylabel="share of the stops [%]", xlim=(0, 30), ylim=(0, 100))
     axes.set_title(f"{len(next(iter(excess.values())))} scattered stops, sampled")
     axes.legend(fontsize="small", loc="lower right")
@@ -79,6 +79,6 @@ def contraction_figure(cycles: dict[str, list[CycleRow]]):
             axes.semilogy([row.speed_kmh for row in mine], contraction, "o-", label=road.replace("_", " "))
         axes.axhline(1, color="k", ls=":")
         axes.set(xlabel="speed [km/h]", ylabel="contraction of the limit cycle", title=NAMES[name])
-        axes.legend(fontsize="small")
+        axes.legend(fontsize="small", loc="lower left" if name == "five_phase" else "center left")
         axes.grid(alpha=0.3)
     return figure

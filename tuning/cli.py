@@ -116,10 +116,10 @@ def _identify(log, out, columns, car, load, start, end):
 
 @app.command("tune-abs")
 def tune_abs(
-    config: Annotated[Path, typer.Option(help="JSON, see `tuning.tune_abs.TuningConfig`; or a result to go on from.")],
+    config: Annotated[Path, typer.Option(help="JSON, see `tuning.config.TuningConfig`; or a result to go on from.")],
     out: Out,
 ) -> None:
-    """Anti-lock thresholds for a batch of roads and speeds: result.json and figures."""
+    """An anti-lock controller, for a batch of roads and speeds, with its limit cycles: result.json and figures."""
     with _clear_errors():
         from tuning.config import TuningConfig
         from tuning.files import read_json
@@ -132,7 +132,7 @@ def tune_abs(
 
 def _tune(config, out: Path, title: str):
     from tuning.files import write_json
-    from tuning.report import parameter_line, tuning_table
+    from tuning.report import cycles_line, parameter_line, tuning_table
     from tuning.tune_abs import tune_abs as run
     from tuning.tuning_figures import tuning_figures
 
@@ -140,6 +140,7 @@ def _tune(config, out: Path, title: str):
         result = run(config, progress=progress)
     console.print(tuning_table(result, title))
     console.print(parameter_line(result), highlight=False)
+    console.print(cycles_line(result), highlight=False)
     if result.on_limit:
         console.print("* on its limit", highlight=False)
     written = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]

@@ -77,6 +77,19 @@ def parameter_line(result: TuningResult) -> str:
     return ", ".join(f"{name} {value:.4g}{marks[name]}" for name, value in result.parameters.items())
 
 
+def cycles_line(result: TuningResult) -> str:
+    """What is certified of the limit cycles, on a line."""
+    if not result.cycles:
+        return "it does not cycle"
+    attractive = [row for row in result.cycles if row.certified]
+    line = f"limit cycles: {len(attractive)} of {len(result.cycles)} roads and speeds found and attractive"
+    found = [row for row in result.cycles if row.contraction is not None]
+    if found:
+        worst = max(found, key=lambda row: row.contraction)
+        line += f", largest contraction {worst.contraction:.3g} ({worst.road}, {worst.speed_kmh:g} km/h)"
+    return line.replace("_", " ")
+
+
 def rows_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
     """Rows with the same keys as a table: a key a column."""
     table = Table(title=escape(title))

@@ -81,15 +81,16 @@ def descend(
     Returns:
         The best point of every descent, (sets, parameters), and the costs by iteration.
     """
-    points = jnp.asarray(starts)
-    moments = _ADAM.init(points)
+    # Points go to the costs from the host: where they come from would otherwise count as another type.
+    points = np.array(starts)
+    moments = _ADAM.init(jnp.asarray(points))
     best, best_points, history = np.full(len(starts), np.inf), np.array(starts), []
     for iteration in range(iterations):
-        before = np.asarray(points)
+        before = points
         rate = learning_rate * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * iteration / iterations)))
         costs, gradients = costs_and_gradients(points)
-        points, moments = _step(points, moments, gradients, rate, *box.limits)
-        costs = np.asarray(costs)
+        moved, moments = _step(points, moments, np.asarray(gradients), rate, *box.limits)
+        points, costs = np.asarray(moved), np.asarray(costs)
         history.append([float(c) for c in costs])
         better = costs < best
         best, best_points = np.where(better, costs, best), np.where(better[:, None], before, best_points)
