@@ -91,7 +91,7 @@ class ClosedLoop:
 
     Mode: the controller's phase, plus the number of phases while the pressure rests on one of its
     limits; `FINISHED` after the vehicle has fallen to `stop_speed`, `LOCKED` if the wheel has locked
-    before.
+    before, `UNDEFINED` if the controller has come to where its law is not defined.
     """
 
     plant: Plant = part("what is braked")
@@ -110,7 +110,10 @@ class ClosedLoop:
         return self._begin(self.plant.at(speed), speed, 0.0 * speed)
 
     def braking(self, speed, slip, offset) -> LoopState:
-        """State of braking at a slip lambda < 0 and an acceleration offset x2 [m/s^2], the pressure as they need."""
+        """State of braking at a slip lambda < 0 and an acceleration offset x2 [m/s^2].
+
+        The pressure is what they need, commanded and at the wheel, be it outside the limits of the brake.
+        """
         plant = self.plant.at(speed)._replace(wheel_speed=(1 + slip) * speed / self.plant.wheel.radius)
         released = self.plant.signals(0.0 * speed, plant, 0.0 * speed).acceleration_offset
         return self._begin(plant, speed, (released - offset) / self.plant.wheel.pressure_gain)

@@ -10,7 +10,12 @@ NOTEBOOKS = sorted((Path(__file__).parent.parent / "notebooks").glob("*.ipynb"))
 
 
 def test_there_are_notebooks():
-    assert {path.stem for path in NOTEBOOKS} >= {"exact_gradients", "road_from_a_log", "observers_and_gains", "limit_cycles_and_distances"}
+    assert {path.stem for path in NOTEBOOKS} >= {
+        "exact_gradients",
+        "road_from_a_log",
+        "observers_and_gains",
+        "limit_cycles_and_distances",
+    }
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)

@@ -12,10 +12,10 @@ from tuning.distance_study import NAMES, Study
 
 
 def slip_planes_figure(road: str = "wet_asphalt", speed_kmh: float = 120.0):
-    """Two-phase and five-phase in the plane of slip and x2, as published and tuned."""
+    """Two-phase and five-phase in the plane of slip and x2, default and tuned sets."""
     figure, grid = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained", sharey=True)
     for axes, sets, title in zip(
-        grid, (distance_study.AS_PUBLISHED, distance_study.tuned_sets()), ("as published", "tuned, with limits")
+        grid, (distance_study.DEFAULTS, distance_study.tuned_sets()), ("default, no limits", "tuned, with limits")
     ):
         for name, color in (("five_phase", "C0"), ("two_phase", "C1")):
             config = sets[name]
@@ -58,9 +58,9 @@ def robustness_figure(excess: dict[str, np.ndarray]):
     figure, axes = plt.subplots(figsize=(9, 5), layout="constrained")
     families = list(dict.fromkeys(label.rsplit(",", 1)[0] for label in excess))
     for label, values in excess.items():
-        ordered = np.sort(100 * (np.where(np.isfinite(values), values, 1e3) - 1))
+        ordered = np.sort(100 * (values - 1))
         share = np.linspace(0, 100, len(ordered))
-        style = "--" if label.endswith("as published") else "-"
+        style = "-" if label.endswith("tuned") else "--"
         axes.plot(ordered, share, style, color=f"C{families.index(label.rsplit(',', 1)[0])}", label=label)
     axes.set(xlabel="distance above ideal [%]", ylabel="share of the stops [%]", xlim=(0, 30), ylim=(0, 100))
     axes.set_title(f"{len(next(iter(excess.values())))} scattered stops, sampled")

@@ -18,7 +18,7 @@ from tuning import phase_study, robustness
 from tuning.config import TuningConfig
 from tuning.cycles import CycleRow, certify_cycles
 from tuning.distance_study import (
-    AS_PUBLISHED,
+    DEFAULTS,
     FURTHER_ROADS,
     FURTHER_SPEEDS_KMH,
     LEGEND,
@@ -32,7 +32,6 @@ from tuning.distance_study import (
 from tuning.figures import save
 from tuning.files import write_json
 from tuning.report import Report
-from tuning.tracking_study import drive, loops, tracking_figure
 
 POINCARE = (
     {"zref": 20.0, "gain": 200.0, "chi_a": -0.2, "chi_b": 3.0},
@@ -52,7 +51,6 @@ def run_study(out: Path, stops: int = STOPS) -> Iterator[Report]:
     yield further_roads(out)
     yield cycles(out)
     yield scattered(out, stops)
-    yield tracking(out)
 
 
 def poincare(out: Path) -> Report:
@@ -71,10 +69,10 @@ def poincare(out: Path) -> Report:
                 "x2 [m/s²]": f"{float(closed.offset):.6f}",
                 "P'": f"{float(closed.contraction):.8f}",
                 "period in s": f"{float(closed.period):.6f}",
-                "kp that [A] asks for": f"{float(closed.sufficient_gain):.2f}",
+                "sufficient kp": f"{float(closed.sufficient_gain):.2f}",
                 "Lambert form off": f"{abs(float(poincare_map(zeta, settings['gain'], closed.kappa) - zeta)):.1e}",
                 "rollout off: x2": f"{abs(float(rolled.offset - closed.offset)):.1e}",
-                "P' ": f"{abs(float(rolled.contraction - closed.contraction)):.1e}",
+                "rollout off: P'": f"{abs(float(rolled.contraction - closed.contraction)):.1e}",
             }
         )
     title = "limit cycle of two phases on dry asphalt"
@@ -97,11 +95,9 @@ def failure(out: Path) -> Report:
 def distance(out: Path) -> Report:
     """The published table, both columns, and the best of all controllers."""
     done = study()
-    tables = {f"{NAMES[name]}: distances [m]": distance_rows(done, name) for name in AS_PUBLISHED}
+    tables = {f"{NAMES[name]}: distances [m]": distance_rows(done, name) for name in DEFAULTS}
     tables["tuned and sampled at 1 ms: distances [m]"] = best_rows(done)
-    lines = [
-        f"{NAMES[n]}: {sum(reached(done, n))} of {len(done.rows)} rows at or below published" for n in AS_PUBLISHED
-    ]
+    lines = [f"{NAMES[n]}: {sum(reached(done, n))} of {len(done.rows)} rows at or below published" for n in DEFAULTS]
     ideal = np.array([distance for *_, distance in done.rows])
     best = np.array([done.sampled[name].distance[i] if (name := done.best(i)) else np.inf for i in range(len(ideal))])
     over = 100 * (best / ideal - 1)
@@ -117,7 +113,7 @@ def distance(out: Path) -> Report:
 def further_roads(out: Path) -> Report:
     """Snow, ice, and roads whose curve has no maximum."""
     done = study(FURTHER_ROADS, FURTHER_SPEEDS_KMH)
-    tables = {f"{NAMES[name]}, further roads": distance_rows(done, name) for name in AS_PUBLISHED}
+    tables = {f"{NAMES[name]}, further roads": distance_rows(done, name) for name in DEFAULTS}
     tables["further roads, tuned and sampled at 1 ms"] = best_rows(done)
     return Report(tables, [LEGEND], [write_json(out / "further_roads.json", tables)])
 
@@ -139,10 +135,11 @@ def cycles(out: Path) -> Report:
         for road in dict.fromkeys(row.road for row in rows)
         for mine in [[row for row in rows if row.road == road]]
     ]
-    shown = {name: rows for name, rows in found.items() if name in AS_PUBLISHED}
+    shown = {name: rows for name, rows in found.items() if name in DEFAULTS}
     data = {name: [dataclasses.asdict(row) for row in rows] for name, rows in found.items()}
     files = [write_json(out / "cycles.json", data), save(figures.contraction_figure(shown), out / "contraction.png")]
-    return Report({"limit cycles at 30, 60, 120 and 180 km/h": table}, [], files)
+    speeds = ", ".join(f"{speed:g}" for speed in TuningConfig().cycle_speeds_kmh)
+    return Report({f"limit cycles at {speeds} km/h": table}, [], files)
 
 
 def _largest(rows: list[CycleRow], field: str) -> str:
@@ -151,7 +148,7 @@ def _largest(rows: list[CycleRow], field: str) -> str:
 
 
 def scattered(out: Path, stops: int) -> Report:
-    """Tuned sets against those as published, on scattered roads, wheels, brakes and noise."""
+    """Tuned sets against the default ones, on scattered roads, wheels, brakes and noise."""
     draws, rows, excess = robustness.draw(stops, SEED), [], {}
     for label, config in _contestants().items():
         stopped = robustness.stops(config, config.base_controller(), draws)
@@ -171,16 +168,11 @@ def scattered(out: Path, stops: int) -> Report:
 
 
 def _contestants() -> dict[str, TuningConfig]:
-    limited = {
-        "five_phase": TuningConfig(),
-        "two_phase": TuningConfig(controller="two_phase", observer="adaptive"),
+    tuned = tuned_sets()
+    default = {name: dataclasses.replace(tuned[name], start={}) for name in DEFAULTS}
+    unlimited = dataclasses.replace(tuned["two_phase"], start={**tuned["two_phase"].start, "slip_limit": -1.0})
+    return {
+        **{f"{NAMES[name]}, default": config for name, config in default.items()},
+        **{f"{NAMES[name]}, tuned": config for name, config in tuned.items()},
+        f"{NAMES['two_phase']}, without slip limit": unlimited,
     }
-    untuned = {f"{NAMES[name]}, as published": config for name, config in limited.items()}
-    return untuned | {f"{NAMES[name]}, tuned": config for name, config in tuned_sets().items()}
-
-
-def tracking(out: Path) -> Report:
-    """Five-phase tracking on estimated XBS through dry, wet and snow."""
-    wanted = ("open loop, quick rates", "tracking, 4-state observer", "tracking, adaptive observer")
-    rides = [drive(label, loop) for label, loop in loops().items() if label in wanted]
-    return Report({}, [], [save(tracking_figure(rides), out / "tracking.png")])

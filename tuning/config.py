@@ -17,6 +17,9 @@ from tuning.entries import ConfigError, Entries, choice, require, tyre_of
 from tuning.observers import KINDS
 from tuning.search import Box
 
+LEAST_MARGIN = 0.01
+"""Of chi_a above 0 on a road whose XBS never falls below 0."""
+
 
 @dataclasses.dataclass(frozen=True)
 class TuningConfig(Entries):
@@ -34,20 +37,21 @@ class TuningConfig(Entries):
         rate_limit: of the actuator [bar/s]; None for none. `lag` [s] and `delay` [s] likewise.
         driver_pressure: largest pressure [bar].
         threshold_floor: smallest threshold [m/s^2], from the noise of the measured acceleration.
-        limits: (low, high) by parameter; the floor, and a factor of 5 up or 20 down from the start, where not given.
+        limits: (low, high) by parameter; where not given, those of `tuning.controllers`, or the floor for thresholds
+            and a twentieth of the start for others, and five times the start.
         stop_speed_kmh: speed that ends a stop [km/h]; below the published 2.5 km/h lock does not matter.
         longest_cycle: longest time between two cycles a controller may take [s]; one that rests at a
             pressure near the peak is no anti-lock controller, however short it stops.
-        largest_contraction: of the limit cycles on every road; the tuned set is one that keeps it, if there is one.
-            None does not constrain them; they are certified all the same.
+        largest_contraction: of the limit cycles on every road, on the true XBS; a set that keeps it is preferred to
+            any that does not. None does not constrain them; they are certified all the same.
         cycle_speeds_kmh: speeds at which limit cycles are looked for [km/h].
         objective: 'worst' or 'mean' over the rows of distance over reference.
         reference: 'ideal' distances, or the 'published' ones of the five-phase algorithm (of the two-phase one, if
             that is what is tuned).
         known: further parameter sets to start from, as from an earlier result.
         starts: descents run together; screened: random starts they are chosen from.
-        scatter: standard deviation of the random starts' logarithms.
-        iterations, learning_rate, seed: of the descent (Adam on the logarithms, cosine decay).
+        scatter: standard deviation of the random starts, on the scales of `tuning.search`.
+        iterations, learning_rate, seed: of the descent (Adam on the same scales, cosine decay).
         step: grid step [s]; what the controller's default parameters and the observer's gains need when None.
         substeps: Runge-Kutta steps of the observer per sample of the sampled semantics; when None twice what its
             published gains need, because a brake that is not as the observer takes it to be asks for more.
@@ -105,14 +109,14 @@ class TuningConfig(Entries):
             require(name, getattr(self, name), 0 < getattr(self, name) < math.inf, "positive")
         largest = self.largest_contraction
         require("largest_contraction", largest, largest is None or 0 < largest < math.inf, "positive, or null")
+        cycling = self.kind.model.cycle_phase is not None
+        require("largest_contraction", largest, largest is None or cycling, f"null: {self.controller} does not cycle")
         require("threshold_floor", self.threshold_floor, self.threshold_floor >= 0, ">= 0")
-        ratio = self.sampled_period / self.grid_step
-        whole = min(abs(ratio - round(ratio)), abs(1 / ratio - round(1 / ratio)))
-        require("sampled_period", self.sampled_period, whole < 1e-9, "a multiple of step, or step of it")
         require("roads", self.roads, len(self.roads) > 0, "one road at least")
         require("speeds_kmh", self.speeds_kmh, len(self.speeds_kmh) > 0, "one speed at least")
         for speed in self.speeds_kmh:
             require("speeds_kmh", speed, self.stop_speed_kmh < speed <= 500, "above stop_speed_kmh and at most 500")
+        require("cycle_speeds_kmh", self.cycle_speeds_kmh, len(self.cycle_speeds_kmh) > 0, "one speed at least")
         for speed in self.cycle_speeds_kmh:
             require("cycle_speeds_kmh", speed, 0 < speed <= 500, "above 0 and at most 500")
         for entry, names in (("start", self.start), ("limits", self.limits), *(("known", k) for k in self.known)):
@@ -187,9 +191,13 @@ class TuningConfig(Entries):
         )
 
     def sampled_grid(self) -> tuple[float, int]:
-        """Grid step [s] and steps per test of the guards when sampled; the observer has steps of its own then."""
-        step = min(self.grid_step if self.observer is None else self.kind.step, self.sampled_period)
-        return step, max(1, round(self.sampled_period / step))
+        """Grid step [s] and steps per test of the guards when sampled; the observer has steps of its own then.
+
+        The step is the period itself, or the largest part of it that does for the controller.
+        """
+        longest = self.grid_step if self.observer is None else self.kind.step
+        ticks = max(1, math.ceil(self.sampled_period / longest - 1e-9))
+        return self.sampled_period / ticks, ticks
 
     def box(self) -> Box:
         """The tuned parameters and their limits.
@@ -199,20 +207,31 @@ class TuningConfig(Entries):
         """
         names = self.tune or trainable_names(self.kind.model)
         own, base = bounds_of(self.kind.model), self.base_controller()
-        pairs = [self.limits.get(name, self._range(name, own[name], float(getattr(base, name)))) for name in names]
+        pairs = [self.limits.get(name) or self._range(name, own[name], float(getattr(base, name))) for name in names]
         for name, (low, high) in zip(names, pairs):
             require(f"limits.{name}", (low, high), own[name].low <= low <= high <= own[name].high, "(low, high)")
             require(f"limits.{name}", (low, high), low > 0 or not own[name].open_low, "(low, high) with 0 < low")
         if self.controller == "two_phase":
-            self._require_reachable(base)
+            self._require_reachable("start.chi_a", float(base.chi_a))
+            for name, (low, _) in zip(names, pairs):
+                if name == "chi_a":
+                    self._require_reachable("limits.chi_a", low)
         return Box(names, tuple(float(low) for low, _ in pairs), tuple(float(high) for _, high in pairs))
 
     def _range(self, name: str, bounds, start: float) -> tuple[float, float]:
+        if name == "chi_a":
+            least, _ = self._least_stiffness()
+            low, high = self.kind.ranges[name]
+            return min(start, max(low, 0.8 * least if least < 0 else LEAST_MARGIN)), max(start, high)
         if name in self.kind.ranges:
             low, high = self.kind.ranges[name]
-            if name == "chi_a":
-                low = max(low, 0.8 * self._least_stiffness()[0])
-            return low, high
+            return min(start, low), max(start, high)
+        require(
+            f"limits.{name}",
+            None,
+            start > 0,
+            f"given: it starts at {start:g}, and only from a positive start are they known",
+        )
         floor = self.threshold_floor if name in self.kind.model.thresholds else 0.0
         low = max(bounds.low, floor, 0.05 * start if not floor else 0.0)
         return low, min(bounds.high, max(5 * start, low))
@@ -220,10 +239,10 @@ class TuningConfig(Entries):
     def _least_stiffness(self) -> tuple[float, Any]:
         return max(((-float(tyre_of(road).c3), road) for road in self.roads), key=lambda pair: pair[0])
 
-    def _require_reachable(self, controller) -> None:
+    def _require_reachable(self, entry: str, chi_a: float) -> None:
         least, road = self._least_stiffness()
-        if float(controller.chi_a) <= least:
+        if chi_a <= least:
             raise ConfigError(
-                f"start.chi_a = {float(controller.chi_a):g} must be above -c3 = {least:g}, the least XBS of road "
-                f"{road}: the apply would never end there"
+                f"{entry} = {chi_a:g} must be above -c3 = {least:g}, the least XBS of road {road}: "
+                "the apply would never end there"
             )

@@ -42,7 +42,12 @@ class Kind(NamedTuple):
 CONTROLLERS: dict[str, Kind] = {
     "five_phase": Kind(FivePhase, 2e-3),
     "tracking": Kind(AccelerationTracking, 1e-3),
-    "two_phase": Kind(TwoPhase, 1e-3, {"chi_a": (-0.1, 0.5), "chi_b": (0.02, 5.0)}, ordered=(("chi_a", "chi_b"),)),
+    "two_phase": Kind(
+        TwoPhase,
+        1e-3,
+        {"chi_a": (-0.1, 0.5), "chi_b": (0.02, 5.0), "slip_limit": (-1.0, -0.05)},
+        ordered=(("chi_a", "chi_b"),),
+    ),
     "stiffness": Kind(StiffnessControl, 1e-3),
     "slip": Kind(SlipControl, 1e-3, {"slip": (-0.5, -0.02)}),
     "bosch": Kind(BoschLogic, 2e-3, ordered=(("plus_a", "plus_A"),)),

@@ -26,8 +26,8 @@ CHUNK = 8
 class CycleRow:
     """The limit cycle on one road at one speed; None where there is none.
 
-    `contraction` is that of wheel, brake and controller on the true XBS, `with_observer` that of the whole loop,
-    None without an observer.
+    `contraction` is that of wheel, brake and controller on the true XBS, `with_observer` that of the whole loop;
+    `observer_status` is None without an observer.
     """
 
     road: str
@@ -35,12 +35,14 @@ class CycleRow:
     status: str
     period: float | None
     contraction: float | None
+    observer_status: str | None = None
     with_observer: float | None = None
 
     @property
     def certified(self) -> bool:
-        """Whether the cycle is attractive."""
-        return self.contraction is not None and self.contraction < 1
+        """Whether the cycle is attractive, with the observer too where there is one."""
+        wanted = [self.contraction] if self.observer_status is None else [self.contraction, self.with_observer]
+        return all(value is not None and value < 1 for value in wanted)
 
 
 def rig_loops(config: TuningConfig) -> ClosedLoop:
@@ -94,24 +96,19 @@ def certify_cycles(config: TuningConfig, parameters: Mapping[str, float]) -> lis
     whole = None
     if config.observer is not None:
         observed = dataclasses.replace(true, controller=controller, observer=config.observer_model())
-        whole = np.asarray(limit_cycle(observed, step=config.grid_step).contraction)
+        whole = jax.tree.map(np.asarray, limit_cycle(observed, step=config.grid_step))
     status, contraction, period = (np.asarray(x) for x in (cycle.status, cycle.contraction, cycle.period))
 
-    def finite(values, i):
-        return float(values[i]) if values is not None and np.isfinite(values[i]) else None
+    def finite(value):
+        return float(value) if np.isfinite(value) else None
 
     rows = []
     for i, (road, speed) in enumerate((road, speed) for road in config.roads for speed in config.cycle_speeds_kmh):
-        found = status[i] == CycleStatus.FOUND
         name = road if isinstance(road, str) else f"c = {tuple(road)}"
-        rows.append(
-            CycleRow(
-                name,
-                speed,
-                CycleStatus(int(status[i])).name,
-                finite(period, i) if found else None,
-                finite(contraction, i),
-                finite(whole, i),
-            )
-        )
+        observed = {}
+        if whole is not None:
+            code = CycleStatus(int(whole.status[i]))
+            observed = {"observer_status": code.name, "with_observer": finite(whole.contraction[i])}
+        found = CycleStatus(int(status[i])).name
+        rows.append(CycleRow(name, speed, found, finite(period[i]), finite(contraction[i]), **observed))
     return rows

@@ -1,6 +1,7 @@
-"""Braking distances of every controller on every road: published, as published, tuned, ideal.
+"""Braking distances of every controller on every road: published, of the default set, tuned, ideal.
 
-Sets as published have no limits and know the true XBS, as in the source; tuned sets live with a rate limit of
+The default sets, without limits and on the true XBS, reproduce the published distances (the source prints the
+five-phase thresholds only); tuned sets live with a rate limit of
 750 bar/s, a brake lag of 5 ms, thresholds and zref of 10 m/s^2 at least, and, where they use XBS, with the
 estimate of the adaptive observer, but for continuous control of XBS, which needs the true one.
 Source: Aguado-Rojas 2019, Table 4.1.
@@ -20,11 +21,11 @@ from tuning.config import TuningConfig
 from tuning.files import read_json
 
 NO_LIMITS: dict[str, Any] = {"rate_limit": None, "lag": None}
-AS_PUBLISHED = {
+DEFAULTS = {
     "five_phase": TuningConfig(**NO_LIMITS),
     "two_phase": TuningConfig(controller="two_phase", **NO_LIMITS),
 }
-"""The default sets: Aguado-Rojas 2019, Fig. 6.6; and zref = 20, kp = 500, chi = (-0.1, 1.0)."""
+"""Five phases: thresholds of Aguado-Rojas 2019, Fig. 6.6; two phases: zref = 20, kp = 500, chi = (-0.1, 1.0)."""
 NO_MAXIMUM = ((0.8, 12.0, 0.0), (0.35, 40.0, 0.0))
 """Roads whose friction does not fall with slip, like gravel or deep snow: c1, c2 and c3 = 0."""
 FURTHER_ROADS: tuple[Any, ...] = ("snow", "ice", *NO_MAXIMUM)
@@ -48,7 +49,8 @@ MARKS = {
 TRUE_XBS = ("stiffness",)
 """Controllers told what no sensor and no observer can tell: they bound what can be reached, and do not compete."""
 LEGEND = (
-    "L: the wheel locks; M: still moving when the ideal stop would be long over; U: the law is not defined any more"
+    "L: the wheel locks; M: still moving when the ideal stop would be long over; U: the law is not defined any more; "
+    "B: out of switchings; D: diverged"
 )
 
 
@@ -88,8 +90,8 @@ class Study(NamedTuple):
 
     rows: list[tuple[str, float, float]]
     """road, speed [km/h], ideal distance [m]"""
-    as_published: dict[str, Distances]
-    """located"""
+    default: dict[str, Distances]
+    """default sets without limits, located"""
     located: dict[str, Distances]
     """tuned sets"""
     sampled: dict[str, Distances]
@@ -113,7 +115,7 @@ def study(roads: tuple[Any, ...] = published.ROADS, speeds_kmh: tuple[float, ...
     ideal = build(TuningConfig(roads=roads, speeds_kmh=speeds_kmh)).ideal
     return Study(
         [(name, speed, float(d)) for (name, speed, _), d in zip(rows, ideal)],
-        {name: distances(config, False, roads, speeds_kmh) for name, config in AS_PUBLISHED.items()},
+        {name: distances(config, False, roads, speeds_kmh) for name, config in DEFAULTS.items()},
         *(
             {name: distances(config, sampled, roads, speeds_kmh) for name, config in tuned_sets().items()}
             for sampled in (False, True)
@@ -136,14 +138,14 @@ def _published(done: Study, row: int, controller: str) -> float:
 
 
 def distance_rows(done: Study, controller: str) -> list[dict[str, Any]]:
-    """Published, as published, tuned, tuned and sampled, ideal; of the five-phase or the two-phase controller."""
+    """Published, default set, tuned, tuned and sampled, ideal; of the five-phase or the two-phase controller."""
     verdict = reached(done, controller) if done.rows[0][0] in published.DISTANCES else None
     return [
         {
             "km/h": done.rows[i][1],
             "road": done.rows[i][0],
             **({} if verdict is None else {"published": _published(done, i, controller)}),
-            "as published": done.as_published[controller].cell(i),
+            "default set": done.default[controller].cell(i),
             "tuned": done.located[controller].cell(i),
             "tuned, sampled": done.sampled[controller].cell(i),
             "ideal": round(done.rows[i][2], 2),

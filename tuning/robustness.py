@@ -60,8 +60,9 @@ class Summary(NamedTuple):
     locked: float
     """share of the stops that lock above `LOCK_SPEED`, or do not end at all"""
     mean: float
+    """over the stops that end, locked or not"""
     worst: float
-    """mean of the worst 5 %"""
+    """mean of the worst 5 % of those"""
 
 
 LOCK_SPEED = 5.0
@@ -69,7 +70,7 @@ LOCK_SPEED = 5.0
 
 
 def draw(count: int, seed: int, scatter: Scatter = SCATTER, roads: tuple[str, ...] = published.ROADS) -> Draws:
-    """Draw conditions at random around the nominal wheel and the named surfaces."""
+    """Draw conditions at random around the default wheel and the named surfaces."""
     rng = np.random.default_rng(seed)
     which = rng.integers(len(roads), size=count)
 
@@ -107,15 +108,15 @@ def stops(config: TuningConfig, controller: Any, draws: Draws) -> Stop:
 
 
 def excess(stopped: Stop) -> np.ndarray:
-    """Distance over the ideal one, (stops,); infinite where the vehicle was not slowed down."""
+    """Distance over the ideal one, (stops,), up to where the stop ended; infinite where the vehicle was not slowed."""
     return np.asarray(stopped.equivalent_distance / stopped.ideal_distance)
 
 
 def summarise(stopped: Stop) -> Summary:
-    """Share that lock, mean and worst 5 %."""
+    """Share that lock or fail, mean and worst 5 %."""
     outcome, state = np.asarray(stopped.outcome), stopped.rollout.state
-    speed = np.asarray(state.loop.plant.speed)
-    failed = (outcome != Outcome.STOPPED) & ((outcome != Outcome.LOCKED) | (speed > LOCK_SPEED))
-    ratios = np.sort(np.where(np.isfinite(excess(stopped)), excess(stopped), 10.0))
+    ended = (outcome == Outcome.STOPPED) | (outcome == Outcome.LOCKED)
+    failed = ~ended | ((outcome == Outcome.LOCKED) & (np.asarray(state.loop.plant.speed) > LOCK_SPEED))
+    ratios = np.sort(excess(stopped)[ended])
     tail = ratios[-max(1, len(ratios) // 20) :]
     return Summary(float(failed.mean()), float(ratios.mean()), float(tail.mean()))

@@ -25,6 +25,8 @@ from tuning.version import VERSION
 CANDIDATES = 256
 WIDEST_SEARCH, NARROWING = 0.06, 0.7
 """Standard deviation of the first refinement on the scales of the box, and its factor from one to the next."""
+BREACH_CHARGE = 10.0
+"""Added to the cost of a set that exceeds the limit on contraction: any set that keeps it is better."""
 FINALISTS = 8
 """Sets whose limit cycles are looked for in a round of refinement, where contraction is limited."""
 
@@ -142,8 +144,9 @@ def _validate(config: TuningConfig, problem: Problem, box: Box, points) -> np.nd
     if config.largest_contraction is not None:
         best = np.argsort(costs)[:FINALISTS]
         sets = np.stack([parameters[name][best] for name in box.names], axis=1)
+        excess = exact_charges(config, box.names, sets)
         charged = np.full(len(costs), np.inf)
-        charged[best] = costs[best] + exact_charges(config, box.names, sets)
+        charged[best] = costs[best] + excess + BREACH_CHARGE * (excess > 0)
         return charged
     return costs
 

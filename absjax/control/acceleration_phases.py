@@ -42,7 +42,7 @@ class AccelerationPhases:
     eps3: Number = parameter("eps3, acceleration that ends the fast apply, m/s^2", default=20.0, **TUNED)
     eps4: Number = parameter("eps4, deceleration that ends the slow apply, m/s^2", default=20.0, **TUNED)
     eps5: Number = parameter("eps5, deceleration that starts the release, m/s^2", default=30.0, **TUNED)
-    fallback: Number = parameter("share of eps1 through which phase 2 falls back", default=0.9, low=0.0, high=1.0)
+    fallback: Number = parameter("share of eps1 through which phase 2 falls back", default=0.9, low=0.0, high=0.999)
 
     def guards(self, signals: Signals, kept, mode):
         """Slot 0: the threshold that leads on; slot 1: the fall-back of phase 2."""

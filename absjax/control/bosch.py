@@ -5,15 +5,15 @@
 | 0 | 1 initial apply | driver's ramp | acc <= -a -> 1 |
 | 1 | 2 hold | 0 | R w <= (1 - lambda1) vRef -> 2; false alarm: acc >= -share a -> 0 |
 | 2 | 3, and 8 in later cycles: release | -u_release / (R w) | acc >= -share a -> 3 |
-| 3 | 4 hold | 0 | acc >= +A -> 4; acc <= -a -> 2; after the longest hold -> 6 |
-| 4 | 5 apply | +u_apply / (R w) | acc <= share A -> 5 |
-| 5 | 6 hold | 0 | acc <= +a -> 6; acc >= +A -> 4 |
+| 3 | 4 hold, the wheel recovers | 0 | acc >= +a -> 5; acc <= -a -> 2; after the longest hold -> 6 |
+| 4 | 5 apply | +u_apply / (R w) | acc <= +a + share (A - a) -> 5 |
+| 5 | 4 and 6 hold, the wheel accelerates | 0 | acc <= share +a -> 6; acc >= +A -> 4 |
 | 6 | 7 stepwise apply, pulse | +u_step / (R w) | acc <= -a -> 2; after the pulse -> 7 |
 | 7 | 7 stepwise apply, pause | 0 | acc <= -a -> 2; after the pause -> 6 |
 
 acc = R w' is the acceleration of the rim. The reference speed vRef falls with a given gradient, and is raised to
 the rim's speed at a switching where it is below. Thresholds are left with a hysteresis, `share`, because no guard
-may be open where its phase begins. The longest hold is ours: without it a wheel that never reaches +A, as on ice,
+may be open where its phase begins. The longest hold is ours: without it a wheel that never reaches +a, as on ice,
 would stay released.
 Source: Aguado-Rojas 2019, section 2.2.3; Hoang 2014 (thesis), section 1.3.
 """
@@ -51,9 +51,9 @@ class BoschLogic:
         "initial apply",
         "hold",
         "release",
-        "hold",
+        "hold, recovering",
         "apply",
-        "hold",
+        "hold, accelerating",
         "stepwise apply, pulse",
         "stepwise apply, pause",
     )
@@ -75,7 +75,7 @@ class BoschLogic:
     pulse: Any = parameter("length of a pulse, s", default=0.01, **TUNED)
     pause: Any = parameter("length of a pause, s", default=0.02, **TUNED)
     longest_hold: Any = parameter("longest hold after the release, s", default=0.15, **TUNED)
-    share: Any = parameter("of a threshold at which it is left again", default=0.9, low=0.0, high=0.999)
+    share: Any = parameter("of a threshold at which it is left again", default=0.9, low=0.0, high=0.999, open_low=True)
 
     def __post_init__(self):
         if concrete(self.plus_a) and concrete(self.plus_A) and not np.all(np.less(self.plus_a, self.plus_A)):
@@ -99,15 +99,15 @@ class BoschLogic:
         spent = signals.time - kept.time
         slower = (1 - self.lambda1) * self._reference(signals, kept) - signals.radius * signals.wheel_speed
         falls, recovers = -self.minus_a - acc, acc + self.share * self.minus_a
-        rises, sinks = acc - self.plus_A, self.share * self.plus_A - acc
-        first = (falls, slower, recovers, rises, sinks, self.plus_a - acc, falls, falls)
+        rises, sinks = acc - self.plus_A, self.plus_a + self.share * (self.plus_A - self.plus_a) - acc
+        first = (falls, slower, recovers, acc - self.plus_a, sinks, self.share * self.plus_a - acc, falls, falls)
         second = (-1.0, recovers, -1.0, falls, -1.0, rises, spent - self.pulse, spent - self.pause)
         third = jnp.where(mode == 3, spent - self.longest_hold, -1.0)
         return by_phase(mode, first), by_phase(mode, second), third
 
     def switch(self, signals: Signals, kept: Reference, mode, slot):
         """The phase that follows, and the reference speed carried on."""
-        first, second = by_phase(mode, (1, 2, 3, 4, 5, 6, 2, 2)), by_phase(mode, (0, 0, 2, 2, 4, 4, 7, 6))
+        first, second = by_phase(mode, (1, 2, 3, 5, 5, 6, 2, 2)), by_phase(mode, (0, 0, 2, 2, 4, 4, 7, 6))
         following = jnp.where(slot == 0, first, jnp.where(slot == 1, second, 6))
         rim = signals.radius * signals.wheel_speed
         return Reference(signals.time, jnp.maximum(rim, self._reference(signals, kept))), following

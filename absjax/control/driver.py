@@ -1,4 +1,4 @@
-"""Driver braking, with which every manoeuvre begins: a pressure ramp until the wheel decelerates too much.
+"""Driver braking, phase 0 of the controllers on XBS and slip: a pressure ramp until the wheel decelerates too much.
 
     dPb/dt = ramp / (R w)  until  x2 <= -eps0
 

@@ -30,7 +30,7 @@ class SlipControl(DriverBraking):
     wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
     slip: Any = parameter("lambda*, set point", default=-0.16, low=-1.0, high=0.0, trainable=True)
     pull: Any = parameter("gamma, from slip to acceleration, m/s^2", default=200.0, low=0.0, trainable=True)
-    gain: Any = parameter("K, on acceleration, m/s", default=500.0, low=0.0, open_low=True, trainable=True)
+    gain: Any = parameter("K, on acceleration, m/s^2", default=500.0, low=0.0, open_low=True, trainable=True)
 
     def at(self, signals: Signals) -> tuple[()]:
         """Nothing is kept."""

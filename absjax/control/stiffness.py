@@ -32,8 +32,8 @@ class StiffnessControl(DriverBraking):
     """the fields that noise of the measured acceleration keeps from being small"""
 
     wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
-    rate_gain: Any = parameter("kr, at which XBS decays, m/s", default=100.0, low=0.0, open_low=True, trainable=True)
-    gain: Any = parameter("kp, tracking gain, m/s", default=500.0, low=0.0, open_low=True, trainable=True)
+    rate_gain: Any = parameter("kr, at which XBS decays, m/s^2", default=100.0, low=0.0, open_low=True, trainable=True)
+    gain: Any = parameter("kp, tracking gain, m/s^2", default=500.0, low=0.0, open_low=True, trainable=True)
     c: Any = parameter("c = c2 of the road", default=24.0, low=0.0, trainable=True)
     d: Any = parameter("d = c2 c3 of the road", default=12.5, low=0.0, open_low=True, trainable=True)
     margin: Any = parameter(

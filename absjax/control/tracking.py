@@ -1,8 +1,9 @@
 """The five-phase algorithm with closed-loop tracking of the wheel acceleration.
 
-The phases and thresholds are those of `absjax.control.acceleration_phases`. Where the pressure changes (phases 1,
-3 and 4) the acceleration offset follows a cubic from its value at the entry, e_i, to beyond the next
-threshold, e_j, level at both ends,
+The phases and thresholds are those of `absjax.control.acceleration_phases`, and one way back that is ours: from the
+hold of phase 5 to the slow apply of phase 4, through x2 = -fallback eps4, where the wheel has recovered by itself.
+Where the pressure changes (phases 1, 3 and 4) the acceleration offset follows a cubic from its value at the entry, e_i,
+to beyond the next threshold, e_j, level at both ends,
 
     x2*(tau) = e_i + (e_j - e_i) (3 (tau/T)^2 - 2 (tau/T)^3),  T = (3 / (2 b)) |e_j - e_i| / dPb_max
     u = -(1/b) [(a/v) XBS^ x2 + x2*' - alpha (x2 - x2*)]

@@ -45,7 +45,7 @@ class TwoPhase(DriverBraking):
     zref: Any = parameter(
         "zref, acceleration offset to follow, m/s^2", default=20.0, low=0.0, open_low=True, trainable=True
     )
-    gain: Any = parameter("kp, tracking gain, m/s", default=500.0, low=0.0, open_low=True, trainable=True)
+    gain: Any = parameter("kp, tracking gain, m/s^2", default=500.0, low=0.0, open_low=True, trainable=True)
     chi_a: Any = parameter("chi_a, XBS that ends the apply; above -c3, or it never ends", default=-0.1, trainable=True)
     chi_b: Any = parameter("chi_b, XBS that ends the release", default=1.0, trainable=True)
 

@@ -14,16 +14,18 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from absjax.closed_loop import ClosedLoop, LoopState, Memory
 from absjax.engine import Status, rollout
 from absjax.hybrid import FINISHED
-from absjax.parameters import lane_axes, model, part
+from absjax.parameters import concrete, lane_axes, model, part
+from absjax.vehicle import TestRig
 
 NEWTON_STEPS = 6
-TOLERANCE = 1e-6
-"""Largest |x - M(x)| of a fixed point, as a share of max(|x|, 1)."""
+TOLERANCE = 1e-5
+"""Largest step of Newton's method left at a fixed point, as a share of max(|x|, 1)."""
 
 
 class CycleStatus(enum.IntEnum):
@@ -41,10 +43,11 @@ class LimitCycle(NamedTuple):
     """A limit cycle; arrays (lanes,), or scalars without lanes.
 
     Attributes:
-        state: of the loop where the cycle begins.
+        state: of the loop where the cycle begins; where none was found, `state`, `offset` and `stiffness` are those
+            of the search's last point.
         offset: the wheel acceleration offset there [m/s^2].
         stiffness: XBS there.
-        period: seconds.
+        period: seconds; infinite where none was found.
         contraction: largest magnitude of an eigenvalue of the return map; below 1 the cycle is attractive.
             Infinite where none was found.
         status: a `CycleStatus` code.
@@ -93,8 +96,12 @@ def limit_cycle(
         A `LimitCycle`; every field but `status` is differentiable with respect to the loop.
 
     Raises:
-        ValueError: if the controller does not cycle, or the loop has a stop speed.
+        ValueError: if the controller does not cycle, the plant is not a rig at constant speed, or the loop has a
+            stop speed.
     """
+    plant = loop.plant
+    if not isinstance(plant, TestRig) or (concrete(plant.acceleration) and np.any(plant.acceleration)):
+        raise ValueError("a limit cycle needs a TestRig whose acceleration is 0: speed is a parameter of the cycle")
     if loop.controller.cycle_phase is None:
         raise ValueError(f"{type(loop.controller).__name__} does not cycle; it has no limit cycle")
     if loop.stop_speed is not None:
@@ -144,9 +151,10 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
     point, held = lax.fori_loop(0, NEWTON_STEPS, newton, (start, nowhere))
     # One more step, with the slope held, carries the derivative of the fixed point.
     image, (_, ended) = returned(loop, point)
-    gap = jnp.abs(image - point) / jnp.maximum(jnp.abs(point), 1.0)
-    fixed = jnp.all(gap < TOLERANCE, axis=-1) & (ended == Status.FINISHED)
-    point = jnp.where(fixed[..., None], point + _solve(identity - held, image - point), point)
+    newton_step = _solve(identity - held, image - point)
+    near = jnp.abs(newton_step) < TOLERANCE * jnp.maximum(jnp.abs(point), 1.0)
+    fixed = jnp.all(near, axis=-1) & (ended == Status.FINISHED)
+    point = jnp.where(fixed[..., None], point + newton_step, point)
     _, slope, (period, _) = with_slope(loop, point)
     state = begin(loop, point)
     told = _told(loop, state)
@@ -154,7 +162,7 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
     status = jnp.where(cycling, reached, CycleStatus.NOT_CYCLING).astype(jnp.int32)
     found = status == CycleStatus.FOUND
     contraction = _largest_eigenvalue(jnp.where(found[..., None, None], slope, 0.0))
-    contraction = jnp.where(found, contraction, jnp.inf)
+    contraction, period = (jnp.where(found, x, jnp.inf) for x in (contraction, period))
     return LimitCycle(state, told.acceleration_offset, told.stiffness, period, contraction, status)
 
 

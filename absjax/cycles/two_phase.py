@@ -34,11 +34,11 @@ class TwoPhaseCycle(NamedTuple):
     """A limit cycle; arrays of one shape.
 
     Attributes:
-        kappa: of the thresholds and the road, s/m.
+        kappa: of the thresholds and the road [s^2/m].
         offset: z1 at the beginning of the release [m/s^2]; at that of the apply it is the opposite.
         contraction: derivative of the Poincare map, in (0, 1).
-        period: of the scaled time s [1/m s]; times the vehicle speed in m/s it is in seconds.
-        sufficient_gain: kp above which the condition of the source holds [m/s].
+        period: of the scaled time s [s^2/m]; times the vehicle speed in m/s it is in seconds.
+        sufficient_gain: kp above which the condition of the source holds [m/s^2].
     """
 
     kappa: Any
@@ -49,7 +49,7 @@ class TwoPhaseCycle(NamedTuple):
 
 
 def kappa_of(c, d, zref, chi_a, chi_b):
-    """kappa of [eq. 4.14], s/m.
+    """kappa of eq. 4.14 [s^2/m].
 
     Args:
         c, d: c2 and c2 c3 of the road.
@@ -57,12 +57,19 @@ def kappa_of(c, d, zref, chi_a, chi_b):
         chi_a, chi_b: thresholds on XBS.
 
     Raises:
-        ValueError: unless -d/c < chi_a < chi_b: XBS of that road never falls to chi_a.
+        ValueError: unless c > 0, zref > 0, and -d/c < chi_a < chi_b: XBS of that road never falls to chi_a.
     """
+    for name, value in (("c", c), ("zref", zref)):
+        _require_positive(name, value)
     if all(map(concrete, (c, d, chi_a, chi_b))):
         if not bool(jnp.all((jnp.asarray(d) + c * jnp.asarray(chi_a) > 0) & (jnp.asarray(chi_a) < chi_b))):
             raise ValueError(f"chi_a = {chi_a} must be above -d/c = {-jnp.asarray(d) / c} and below chi_b = {chi_b}")
     return jnp.log((d + c * chi_a) / (d + c * chi_b)) / (c * zref)
+
+
+def _require_positive(name: str, value) -> None:
+    if concrete(value) and not bool(jnp.all(jnp.asarray(value) > 0)):
+        raise ValueError(f"{name} = {value} must be positive")
 
 
 def poincare_map(zeta, alpha, kappa):
@@ -81,8 +88,9 @@ def two_phase_cycle(c, d, *, zref, gain, chi_a, chi_b) -> TwoPhaseCycle:
         zref, gain, chi_a, chi_b: of `absjax.control.two_phase.TwoPhase`.
 
     Raises:
-        ValueError: unless -d/c < chi_a < chi_b.
+        ValueError: unless c, zref and gain are positive and -d/c < chi_a < chi_b.
     """
+    _require_positive("gain", gain)
     kappa = kappa_of(c, d, zref, chi_a, chi_b)
     half = -0.5 * gain * kappa
     # q - tanh q = alpha |kappa| / 2: convex and rising, with q - tanh q near q^3 / 3 for small q.

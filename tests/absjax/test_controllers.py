@@ -31,7 +31,7 @@ INERTIA, RADIUS, LOAD, BRAKE, GRAVITY = 1.2, 0.3, 2500.0, 17.5, 9.81
 A, B = RADIUS**2 * LOAD / INERTIA, RADIUS * BRAKE / INERTIA
 TYRE = SURFACES["wet_asphalt"]
 C1, C2, C3 = (float(c) for c in (TYRE.c1, TYRE.c2, TYRE.c3))
-SPEED, END, STEP = 20.0, 0.7, 5e-4
+SPEED, STEP = 20.0, 5e-4
 
 
 class Seen(NamedTuple):
@@ -47,7 +47,8 @@ class Seen(NamedTuple):
 
 
 def seen(t, y) -> Seen:
-    v, w, _, pressure = y
+    v, w, _, *pressures = y
+    pressure = pressures[-1]
     slip = RADIUS * w / v - 1
     mu = np.sign(slip) * C1 * (1 - np.exp(-C2 * abs(slip))) - C3 * slip
     dw = (-RADIUS * LOAD * mu - BRAKE * pressure) / INERTIA
@@ -66,7 +67,10 @@ class Case(NamedTuple):
     keep: Any
     """(seen, kept, p) -> kept"""
     trained: str
-    mode: int = 0
+    visited: set
+    """switchings (from, to) the case goes through"""
+    lag: float | None = None
+    duration: float = 0.7
 
 
 def nothing(s, kept, p):
@@ -145,9 +149,9 @@ def bosch_edges(mode, s, kept, p):
         [(-low - acc, 1)],
         [((1 - p.lambda1) * (kept[1] - p.gradient * spent) - s.rim, 2), (acc + h * low, 0)],
         [(acc + h * low, 3)],
-        [(acc - high, 4), (-low - acc, 2), (spent - p.longest_hold, 6)],
-        [(h * high - acc, 5)],
-        [(p.plus_a - acc, 6), (acc - high, 4)],
+        [(acc - p.plus_a, 5), (-low - acc, 2), (spent - p.longest_hold, 6)],
+        [(p.plus_a + h * (high - p.plus_a) - acc, 5)],
+        [(h * p.plus_a - acc, 6), (acc - high, 4)],
         [(-low - acc, 2), (spent - p.pulse, 7)],
         [(-low - acc, 2), (spent - p.pause, 6)],
     ][mode]
@@ -157,40 +161,74 @@ def bosch_keep(s, kept, p):
     return (s.t, max(s.rim, kept[1] - p.gradient * (s.t - kept[0])))
 
 
+AROUND = {(0, 1), (1, 2), (2, 4), (4, 5), (5, 1)}
+BOSCH = BoschLogic(
+    minus_a=12.3673,
+    plus_a=5.5591,
+    plus_A=11.4391,
+    lambda1=0.037,
+    gradient=11.8787,
+    ramp=9392.5,
+    release=16928.0,
+    apply=7489.3,
+    step=3002.1,
+    pulse=0.0193,
+    pause=0.0121,
+    share=0.5945,
+    longest_hold=0.0242,
+)
+"""Goes through every switching but 3 -> 2 within a second, behind a brake lag."""
+BOSCH_VISITED = {(0, 1), (1, 0), (1, 2), (2, 3), (3, 5), (3, 6), (4, 5), (5, 4), (5, 6), (6, 2), (6, 7), (7, 2), (7, 6)}
 CASES = {
-    "five-phase": Case(FivePhase(), five_rate, five_edges, nothing, "eps1"),
-    "tracking": Case(AccelerationTracking(eps5=25.0), tracking_rate, tracking_edges, nothing, "eps1"),
-    "two-phase": Case(TwoPhase(chi_a=-0.05), two_rate, two_edges, nothing, "chi_b"),
-    "two-phase, slip limit": Case(TwoPhase(chi_a=-0.3, slip_limit=-0.16), two_rate, two_edges, nothing, "zref"),
-    "continuous XBS": Case(StiffnessControl(c=33.8, d=11.7), stiffness_rate, driver_edge, nothing, "rate_gain"),
-    "continuous slip": Case(SlipControl(), slip_rate, driver_edge, nothing, "slip"),
-    "eight-phase": Case(
-        BoschLogic(minus_a=14.0, plus_A=60.0, pulse=0.02), bosch_rate, bosch_edges, bosch_keep, "release"
+    "five-phase": Case(FivePhase(), five_rate, five_edges, nothing, "eps1", {(2, 3), (3, 4), *AROUND}),
+    "tracking": Case(
+        AccelerationTracking(eps1=20.0, eps2=25.0, eps3=12.0, eps5=25.0),
+        tracking_rate,
+        tracking_edges,
+        nothing,
+        "eps1",
+        {(2, 3), (3, 4), (5, 4), *AROUND},
     ),
+    "two-phase": Case(TwoPhase(chi_a=-0.05), two_rate, two_edges, nothing, "chi_b", {(0, 1), (1, 2), (2, 1)}),
+    "two-phase, slip limit": Case(
+        TwoPhase(chi_a=-0.3, slip_limit=-0.16), two_rate, two_edges, nothing, "zref", {(0, 1), (1, 2), (2, 3), (3, 2)}
+    ),
+    "continuous XBS": Case(
+        StiffnessControl(c=33.8, d=11.7), stiffness_rate, driver_edge, nothing, "rate_gain", {(0, 1)}
+    ),
+    "continuous slip": Case(SlipControl(), slip_rate, driver_edge, nothing, "slip", {(0, 1)}),
+    "eight-phase": Case(BOSCH, bosch_rate, bosch_edges, bosch_keep, "release", BOSCH_VISITED, 0.01122, 1.0),
 }
 
 
-def loop_of(controller) -> ClosedLoop:
-    return ClosedLoop(QuarterCar(Wheel(), UniformRoad(TYRE)), Brake(), controller)
+def loop_of(controller, **brake) -> ClosedLoop:
+    return ClosedLoop(QuarterCar(Wheel(), UniformRoad(TYRE)), Brake(**brake), controller)
 
 
-def begin():
-    return np.array([SPEED, SPEED / RADIUS, 0.0, 0.0])
+def begin(case: Case):
+    return np.array([SPEED, SPEED / RADIUS, 0.0, 0.0] + ([] if case.lag is None else [0.0]))
+
+
+def slope(case: Case, t, y, rate):
+    """Speeds, distance, commanded pressure, and that behind the lag."""
+    s = seen(t, y)
+    lagged = [] if case.lag is None else [(y[3] - y[4]) / case.lag]
+    return np.array([s.ax, (s.x2 + s.ax) / RADIUS, s.v, rate, *lagged])
 
 
 def located_by_scipy(case: Case):
     """End state and number of switchings: DOP853 with terminal events, restarted at every switching."""
-    p, y, t, mode, count = case.controller, begin(), 0.0, 0, 0
+    p, y, t, mode, count, visited = case.controller, begin(case), 0.0, 0, 0, set()
     kept = case.keep(seen(t, y), (0.0, SPEED), p)
 
     def flow(t, y, mode, kept):
-        s = seen(t, y)
-        return [s.ax, (s.x2 + s.ax) / RADIUS, s.v, case.rate(mode, s, kept, p)]
+        return slope(case, t, y, case.rate(mode, seen(t, y), kept, p))
 
     while True:
         s = seen(t, y)
         opened = [following for guard, following in case.edges(mode, s, kept, p) if guard > 1e-6]
         if opened:
+            visited.add((mode, opened[0]))
             mode, kept, count = opened[0], case.keep(s, kept, p), count + 1
             continue
         events = []
@@ -202,26 +240,35 @@ def located_by_scipy(case: Case):
             event.terminal, event.direction = True, 1
             events.append(event)
         run = solve_ivp(
-            flow, (t, END), y, "DOP853", events=events, args=(mode, kept), rtol=1e-10, atol=1e-10, max_step=5e-3
+            flow,
+            (t, case.duration),
+            y,
+            "DOP853",
+            events=events,
+            args=(mode, kept),
+            rtol=1e-10,
+            atol=1e-10,
+            max_step=5e-3,
         )
         t, y = run.t[-1], run.y[:, -1]
         if run.status == 0:
-            return y, count
+            return y[:4], count, visited
         fired = next(i for i, times in enumerate(run.t_events) if len(times))
         s = seen(t, y)
-        mode, kept, count = case.edges(mode, s, kept, p)[fired][1], case.keep(s, kept, p), count + 1
+        following = case.edges(mode, s, kept, p)[fired][1]
+        visited.add((mode, following))
+        mode, kept, count = following, case.keep(s, kept, p), count + 1
 
 
 def sampled_by_hand(case: Case, step: float, steps: int):
     """End state and number of switchings: Runge-Kutta steps, guards tested at each, the rate held between."""
-    p, y, mode, count = case.controller, begin(), 0, 0
+    p, y, mode, count = case.controller, begin(case), 0, 0
     kept = case.keep(seen(0.0, y), (0.0, SPEED), p)
     rate = case.rate(mode, seen(0.0, y), kept, p)
     for k in range(1, steps + 1):
 
         def flow(y, rate=rate, k=k):
-            s = seen(k * step, y)
-            return np.array([s.ax, (s.x2 + s.ax) / RADIUS, s.v, rate])
+            return slope(case, k * step, y, rate)
 
         k1 = flow(y)
         k2 = flow(y + step / 2 * k1)
@@ -233,7 +280,7 @@ def sampled_by_hand(case: Case, step: float, steps: int):
                 mode, kept, count = following, case.keep(s, kept, p), count + 1
                 break
         rate = case.rate(mode, s, kept, p)
-    return y, count
+    return y[:4], count
 
 
 def end_of(result):
@@ -248,11 +295,13 @@ def test_located_against_scipy_and_gradient_against_differences(name):
     h = 1e-4 * abs(value)
 
     def run(values):
-        loop = loop_of(dataclasses.replace(case.controller, **{case.trained: values}))
-        return rollout(loop, loop.at(jnp.asarray(SPEED)), step=STEP, steps=round(END / STEP), max_events=120)
+        loop = loop_of(dataclasses.replace(case.controller, **{case.trained: values}), lag=case.lag)
+        steps = round(case.duration / STEP)
+        return rollout(loop, loop.at(jnp.asarray(SPEED)), step=STEP, steps=steps, max_events=120)
 
     lanes = run(jnp.array([value, value + h, value - h]))
-    expected, count = located_by_scipy(case)
+    expected, count, visited = located_by_scipy(case)
+    assert visited == case.visited
     assert int(lanes.events[0]) == count > 0
     np.testing.assert_allclose([float(x[0]) for x in end_of(lanes)], expected, rtol=2e-5)
     assert abs(float(lanes.state.plant.distance[0]) - expected[2]) < 2e-6
@@ -267,7 +316,7 @@ def test_located_against_scipy_and_gradient_against_differences(name):
 @pytest.mark.parametrize("name", CASES)
 def test_sampled_against_a_plain_loop(name):
     case, step, steps = CASES[name], 1e-3, 600
-    sampled = SampledLoop(loop_of(case.controller))
+    sampled = SampledLoop(loop_of(case.controller, lag=case.lag))
     starts = [sampled.at(jnp.asarray(SPEED, dtype)) for dtype in (jnp.float64, jnp.float32)]
     results = [rollout(sampled, start, step=step, steps=steps) for start in starts]
     expected, count = sampled_by_hand(case, step, steps)
@@ -286,6 +335,8 @@ def test_continuous_control_of_xbs_reaches_the_peak_and_says_when_it_is_not_defi
     assert float(result.efficiency) > 0.99 and float(result.longest_cycle) == 0.0 and int(result.cycles) == 0
     narrow = dataclasses.replace(loop, controller=StiffnessControl(c=C2, d=1.0))
     assert Outcome(int(stop(narrow, SPEED, horizon=3.0, step=1e-3).outcome)) is Outcome.CONTROL_UNDEFINED
+    sampled = SampledLoop(dataclasses.replace(loop_of(StiffnessControl(c=C2, d=1.0)), stop_speed=8.0))
+    assert Outcome(int(stop(sampled, SPEED, horizon=3.0, step=1e-3).outcome)) is Outcome.CONTROL_UNDEFINED
     observer = AdaptiveObserver.placed(Wheel(), (160.0, 6400.0), (4e4, 1e4))
     blind = dataclasses.replace(loop_of(controller), observer=observer)
     start = blind.braking(jnp.asarray(25.0), TYRE.slip_at(8.0), -100.0)
@@ -299,6 +350,16 @@ def test_a_loop_starts_where_it_is_told_to():
     signals = loop_of(TwoPhase()).signals(0.0, state)
     assert float(signals.acceleration_offset) == pytest.approx(-30.0, rel=1e-12)
     assert float(signals.stiffness) == pytest.approx(1.5, rel=1e-12)
+    lagging = loop_of(TwoPhase(), lag=5e-3, delay=1e-3)
+    same = lagging.signals(0.0, lagging.braking(jnp.asarray(SPEED), TYRE.slip_at(1.5), -30.0))
+    assert float(same.acceleration_offset) == pytest.approx(-30.0, rel=1e-12)
+
+
+def test_a_wheel_that_drops_again_is_released_again():
+    signals = loop_of(BOSCH).signals(0.0, loop_of(BOSCH).braking(jnp.asarray(SPEED), TYRE.slip_at(-0.1), -30.0))
+    guards = BOSCH.guards(signals, BOSCH.at(signals), 3)
+    assert [float(g) > 0 for g in guards] == [False, True, False]
+    assert int(BOSCH.switch(signals, BOSCH.at(signals), 3, 1)[1]) == 2
 
 
 def test_thresholds_out_of_order_are_refused():

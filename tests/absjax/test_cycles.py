@@ -20,7 +20,7 @@ from absjax.cycles.two_phase import kappa_of, poincare_map, two_phase_cycle
 from absjax.engine import rollout
 from absjax.road import SURFACES, UniformRoad
 from absjax.tyre import Burckhardt
-from absjax.vehicle import TestRig, Wheel
+from absjax.vehicle import QuarterCar, TestRig, Wheel
 
 DRY = SURFACES["dry_asphalt"]
 C, D = 23.99, 12.4748
@@ -159,6 +159,18 @@ def test_gradient_of_the_five_phase_contraction_over_lanes():
 def test_what_has_no_cycle_says_so():
     stuck = limit_cycle(rig(TwoPhase(chi_a=-5.0, chi_b=1.0)), warm_up=2, horizon=0.5)
     assert int(stuck.status) == CycleStatus.NOT_CYCLING and float(stuck.contraction) == np.inf
+    chaotic = limit_cycle(
+        rig(FivePhase(), SURFACES["dry_concrete"], 60 / 3.6, rate_limit=750.0, lag=5e-3, driver_pressure=150.0)
+    )
+    assert int(chaotic.status) == CycleStatus.NOT_CONVERGED and float(chaotic.period) == np.inf
+    with pytest.raises(ValueError, match="a TestRig whose acceleration is 0"):
+        limit_cycle(dataclasses.replace(rig(TwoPhase()), plant=TestRig(Wheel(), UniformRoad(DRY), 20.0, -1.0)))
+    with pytest.raises(ValueError, match="a TestRig whose acceleration is 0"):
+        limit_cycle(dataclasses.replace(rig(TwoPhase()), plant=QuarterCar(Wheel(), UniformRoad(DRY))))
+    with pytest.raises(ValueError, match=r"gain = 0\.0 must be positive"):
+        two_phase_cycle(C, D, **{**FIRM, "gain": 0.0})
+    with pytest.raises(ValueError, match=r"c = 0\.0 must be positive"):
+        two_phase_cycle(0.0, D, **FIRM)
     with pytest.raises(ValueError, match="SlipControl does not cycle"):
         limit_cycle(rig(SlipControl()))
     with pytest.raises(ValueError, match="stop_speed must be None"):

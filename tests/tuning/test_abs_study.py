@@ -9,9 +9,9 @@ from absjax.manoeuvre import Outcome
 from tuning import phase_study, robustness
 from tuning.config import TuningConfig
 from tuning.controllers import CONTROLLERS
-from tuning.cycles import certify_cycles, exact_charges
+from tuning.cycles import CycleRow, certify_cycles, exact_charges
 from tuning.distance_study import (
-    AS_PUBLISHED,
+    DEFAULTS,
     Distances,
     Study,
     best_rows,
@@ -30,15 +30,15 @@ def test_every_controller_has_a_tuned_set():
         assert config.controller == name
         assert (config.rate_limit, config.lag, config.threshold_floor) == (750.0, 0.005, 10.0)
         controller = config.base_controller()
-        assert all(float(getattr(controller, field)) >= 10.0 for field in controller.thresholds if field != "plus_a")
+        assert all(float(getattr(controller, field)) >= 10.0 for field in controller.thresholds)
     assert tuned_sets()["two_phase"].observer == "adaptive"
 
 
-@pytest.mark.parametrize("name", AS_PUBLISHED)
+@pytest.mark.parametrize("name", DEFAULTS)
 def test_the_hard_rows_are_reached(name):
     """Dry cobblestones and wet asphalt leave the least room; the whole table takes minutes (`abs-study`)."""
     where = (("dry_cobblestones", "wet_asphalt"), (60.0,))
-    before = distances(AS_PUBLISHED[name], False, *where)
+    before = distances(DEFAULTS[name], False, *where)
     located, sampled = (distances(tuned_sets()[name], sampled, *where) for sampled in (False, True))
     rows = [("dry_cobblestones", 60.0, 14.16), ("wet_asphalt", 60.0, 17.67)]
     done = Study(rows, {name: before}, {name: located}, {name: sampled})
@@ -71,6 +71,14 @@ def test_limit_cycles_of_the_shipped_five_phase_set_contract():
     charged = exact_charges(limited, names, sets)
     expected = sum(0.05 * max(row.contraction - 0.4, 0.0) for row in rows)
     assert charged[0] == pytest.approx(expected, rel=1e-6) and charged[1] >= 0.05
+
+
+def test_a_certificate_needs_the_observer_too():
+    sound = CycleRow("snow", 60.0, "FOUND", 0.1, 0.5)
+    assert sound.certified and not dataclasses.replace(sound, contraction=1.5).certified
+    observed = dataclasses.replace(sound, observer_status="FOUND", with_observer=0.999)
+    assert observed.certified and not dataclasses.replace(observed, with_observer=1.1).certified
+    assert not dataclasses.replace(observed, observer_status="NOT_CONVERGED", with_observer=None).certified
 
 
 def test_tuning_two_phases_under_a_limit_on_contraction():

@@ -118,7 +118,17 @@ def test_a_controller_that_sticks_is_charged():
         ({"start": {"eps9": 1}}, r"start: 'eps9' is unknown"),
         ({"start": {"eps1": -1}}, r"start: FivePhase\.eps1 = -1"),
         ({"limits": {"eps1": [5, 2]}}, r"limits\.eps1 = \(5\.0, 2\.0\) must be"),
-        ({"sampled_period": 0.0013}, r"sampled_period = 0\.0013 must be a multiple of step"),
+        ({"sampled_period": 0}, r"sampled_period = 0\.0 must be positive"),
+        ({"cycle_speeds_kmh": []}, r"cycle_speeds_kmh = \(\) must be one speed at least"),
+        ({"controller": "slip", "largest_contraction": 0.9}, r"largest_contraction = 0\.9 must be null: slip does not"),
+        (
+            {"controller": "slip", "start": {"slip": -0.2}, "tune": ["slip"], "limits": {"slip": [-2, 0]}},
+            r"limits\.slip",
+        ),
+        (
+            {"controller": "two_phase", "start": {"chi_a": 0.1}, "limits": {"chi_a": [-0.6, 0.2]}},
+            r"limits\.chi_a = -0\.6 must be above -c3 = -0\.1204, the least XBS of road wet_cobblestones",
+        ),
         ({"screened": 1}, r"screened = 1 must be at least as many as starts"),
         ({"wheel": {"spokes": 5}}, r"spokes"),
         ([], r"a configuration is a dictionary, not list"),
@@ -129,6 +139,20 @@ def test_bad_configurations_are_refused(entries, message):
         config = TuningConfig.from_json(entries)
         config.box()
         build(config)
+
+
+def test_the_sampled_grid_divides_the_period():
+    two = TuningConfig(controller="two_phase", observer="adaptive", sampled_period=1.5e-3)
+    step, ticks = two.sampled_grid()
+    assert (step * ticks, ticks) == (pytest.approx(1.5e-3), 2) and step <= two.kind.step
+    assert TuningConfig().sampled_grid() == (1e-3, 1) and TuningConfig(sampled_period=4e-3).sampled_grid() == (2e-3, 2)
+
+
+def test_ranges_contain_the_start_and_stay_reachable():
+    box = TuningConfig(
+        controller="two_phase", roads=("ice",), start={"chi_a": 0.05, "slip_limit": -0.6}, tune=("chi_a", "slip_limit")
+    ).box()
+    assert box.low == (0.01, -1.0) and box.high == (0.5, -0.05)
 
 
 def test_shipped_parameters_reach_every_published_row():
