@@ -19,7 +19,6 @@ from absjax.cycles.rollout import CycleStatus, limit_cycle
 from absjax.cycles.two_phase import kappa_of, poincare_map, two_phase_cycle
 from absjax.engine import rollout
 from absjax.road import SURFACES, UniformRoad
-from absjax.tyre import Burckhardt
 from absjax.vehicle import QuarterCar, TestRig, Wheel
 
 DRY = SURFACES["dry_asphalt"]
@@ -122,38 +121,35 @@ def test_contraction_is_below_one_for_every_gain_and_the_condition_of_the_source
     assert gain[0] < bound
 
 
-def tuned_five_phase(eps1=20.0, tyre=SURFACES["dry_cobblestones"]):
+def tuned_five_phase(eps1=20.0):
     thresholds = {"eps0": 26.8, "eps1": eps1, "eps2": 12.25, "eps3": 17.4, "eps4": 10.1, "eps5": 12.0, "fallback": 0.92}
     controller = FivePhase(**thresholds, u1=19150.0, u3=1840.0, u4=350.0, ramp=1.28)
-    return rig(controller, tyre, 30 / 3.6, rate_limit=750.0, lag=5e-3, driver_pressure=150.0)
+    return rig(controller, SURFACES["dry_cobblestones"], 30 / 3.6, rate_limit=750.0, lag=5e-3, driver_pressure=150.0)
 
 
-def test_five_phase_cycle_by_rollout_against_repeated_cycles():
+@pytest.fixture(scope="module")
+def five_phase_cycles():
+    """For eps1 = 20, and a little more and less."""
+    return limit_cycle(tuned_five_phase(np.array([20.0, 20.001, 19.999])))
+
+
+def test_five_phase_cycle_by_rollout_against_repeated_cycles(five_phase_cycles):
     """The contraction is what shrinks the distance to the fixed point from one cycle to the next."""
-    loop = tuned_five_phase()
-    cycle = limit_cycle(loop)
+    cycle = jax.tree.map(lambda x: x[0], five_phase_cycles)
     assert int(cycle.status) == CycleStatus.FOUND and 0.1 < float(cycle.contraction) < 1
     assert float(cycle.offset) == pytest.approx(-12.0, abs=1e-8)
+    loop = tuned_five_phase()
     run = rollout(loop, loop.at(jnp.asarray(30 / 3.6)), step=1e-3, steps=3000, save_switches=True)
     periods = np.diff(np.asarray(run.switches.time)[np.asarray(run.switches.target) == 1])
     assert periods[-1] == pytest.approx(float(cycle.period), abs=1e-5)
-    gaps = np.abs(periods - float(cycle.period))
-    late = gaps[4:9]
+    late = np.abs(periods - float(cycle.period))[4:9]
     assert np.median(late[1:] / late[:-1]) == pytest.approx(float(cycle.contraction), rel=0.05)
 
 
-def test_gradient_of_the_five_phase_contraction_over_lanes():
-    names = ("dry_cobblestones", "dry_asphalt")
-    tyres = Burckhardt(*(np.array([float(getattr(SURFACES[r], c)) for r in names]) for c in ("c1", "c2", "c3")))
-
-    def contraction(eps1):
-        return limit_cycle(tuned_five_phase(eps1, tyres)).contraction
-
-    value, gradient = jax.value_and_grad(lambda x: contraction(x)[0])(20.0)
-    h = 1e-3
-    difference = (contraction(20.0 + h)[0] - contraction(20.0 - h)[0]) / (2 * h)
-    assert 0 < float(value) < 1
-    assert float(gradient) == pytest.approx(float(difference), rel=1e-4)
+def test_gradient_of_the_five_phase_contraction(five_phase_cycles):
+    gradient = jax.grad(lambda eps1: limit_cycle(tuned_five_phase(eps1)).contraction)(20.0)
+    _, more, less = np.asarray(five_phase_cycles.contraction)
+    assert float(gradient) == pytest.approx((more - less) / 2e-3, rel=1e-4)
 
 
 def test_what_has_no_cycle_says_so():

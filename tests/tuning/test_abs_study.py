@@ -20,8 +20,7 @@ from tuning.distance_study import (
     reached,
     tuned_sets,
 )
-from tuning.files import read_json, write_json
-from tuning.tune_abs import TuningResult, tune_abs
+from tuning.tune_abs import tune_abs
 
 
 def test_every_controller_has_a_tuned_set():
@@ -105,14 +104,6 @@ def test_tuning_two_phases_under_a_limit_on_contraction():
     assert result.cycles[0].contraction <= 0.1 + 1e-6
     assert result.rows[0].tuned < 1.02 * result.rows[0].ideal
     assert result.parameters["chi_a"] == -0.1 and result.parameters["chi_b"] > -0.1
-
-
-def test_a_result_with_cycles_goes_through_json(tmp_path):
-    config = TuningConfig(controller="slip", roads=("wet_asphalt",), speeds_kmh=(30.0,), stop_speed_kmh=10.0)
-    result = tune_abs(dataclasses.replace(config, starts=1, screened=1, iterations=1, refinements=0))
-    assert result.cycles == [] and result.rows[0].outcome == "STOPPED"
-    write_json(tmp_path / "result.json", result.to_json())
-    assert TuningResult.from_json(read_json(tmp_path / "result.json")) == result
 
 
 def test_scattered_stops_are_reproducible_and_summarised():
