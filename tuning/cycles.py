@@ -15,7 +15,7 @@ from tuning.config import TuningConfig
 from tuning.entries import tyre_of
 from tuning.search import in_chunks
 
-CONTRACTION_CHARGE = 0.05
+CONTRACTION_CHARGE = 1.0
 """Added to a cost for every unit by which a contraction exceeds the largest allowed."""
 NO_CYCLE_CHARGE = 0.05
 """Added for every road and speed without a limit cycle, when contraction is limited."""

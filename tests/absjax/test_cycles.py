@@ -153,11 +153,11 @@ def test_gradient_of_the_five_phase_contraction(five_phase_cycles):
 
 
 def test_what_has_no_cycle_says_so():
-    stuck = limit_cycle(rig(TwoPhase(chi_a=-5.0, chi_b=1.0)), warm_up=2, horizon=0.5)
-    assert int(stuck.status) == CycleStatus.NOT_CYCLING and float(stuck.contraction) == np.inf
-    chaotic = limit_cycle(
-        rig(FivePhase(), SURFACES["dry_concrete"], 60 / 3.6, rate_limit=750.0, lag=5e-3, driver_pressure=150.0)
-    )
+    limits = {"rate_limit": 750.0, "lag": 5e-3, "driver_pressure": 150.0}
+    stuck = limit_cycle(rig(FivePhase(eps5=1e6), SURFACES["dry_concrete"], 60 / 3.6, **limits))
+    assert int(stuck.status) == CycleStatus.NOT_CYCLING
+    assert float(stuck.contraction) == float(stuck.period) == np.inf
+    chaotic = limit_cycle(rig(FivePhase(), SURFACES["dry_concrete"], 60 / 3.6, **limits))
     assert int(chaotic.status) == CycleStatus.NOT_CONVERGED and float(chaotic.period) == np.inf
     with pytest.raises(ValueError, match="a TestRig whose acceleration is 0"):
         limit_cycle(dataclasses.replace(rig(TwoPhase()), plant=TestRig(Wheel(), UniformRoad(DRY), 20.0, -1.0)))

@@ -31,6 +31,7 @@ def test_identify_writes_result_and_figures(tmp_path):
 
 def test_tune_abs_writes_a_result_it_can_go_on_from(tmp_path):
     config = {
+        "controller": "slip",
         "roads": ["dry_asphalt"],
         "speeds_kmh": [25],
         "stop_speed_kmh": 8,
