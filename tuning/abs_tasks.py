@@ -144,7 +144,7 @@ def cycles(out: Path) -> Report:
 
 def _largest(rows: list[CycleRow], field: str) -> str:
     values = [value for row in rows if (value := getattr(row, field)) is not None]
-    return f"{max(values):.4g}" if values else "-"
+    return f"{max(values):.5f}" if values else "-"
 
 
 def scattered(out: Path, stops: int) -> Report:
