@@ -60,7 +60,7 @@ def robustness_figure(excess: dict[str, np.ndarray]):
     for label, values in excess.items():
         ordered = np.sort(100 * (values - 1))
         share = np.linspace(0, 100, len(ordered))
-        style = "-" if label.endswith("tuned") else "--"
+        style = {"tuned": "-", "default": "--"}.get(label.rsplit(", ", 1)[1], ":")
         axes.plot(ordered, share, style, color=f"C{families.index(label.rsplit(',', 1)[0])}", label=label)
     axes.set(xlabel="distance above ideal [%]", ylabel="share of the stops [%]", xlim=(0, 30), ylim=(0, 100))
     axes.set_title(f"{len(next(iter(excess.values())))} scattered stops, sampled")
