@@ -6,7 +6,15 @@ import jax
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_num_cpu_devices", 2)
 
-LONGEST = ("test_notebooks.py", "test_cli.py", "test_abs_study.py", "test_cycles.py")
+LONGEST = (
+    "test_notebooks.py",
+    "test_observers.py",
+    "test_cli.py",
+    "test_abs_study.py",
+    "test_cycles.py",
+    "test_tune_abs.py",
+    "test_controllers.py",
+)
 
 
 def pytest_collection_modifyitems(items):
