@@ -95,6 +95,21 @@ class Plant(Protocol):
         ...
 
 
+def _signals(plant: Plant, time, state, pressure, wheel_acceleration, vehicle_acceleration) -> Signals:
+    speed = plant.speed_of(time, state)
+    slip = plant.wheel.slip(state.wheel_speed, speed)
+    return Signals(
+        vehicle_speed=speed,
+        vehicle_acceleration=vehicle_acceleration,
+        wheel_speed=state.wheel_speed,
+        acceleration_offset=plant.wheel.radius * wheel_acceleration - vehicle_acceleration,
+        radius=plant.wheel.radius,
+        pressure=pressure,
+        stiffness=plant.road.stiffness(slip, time, plant.position(time, state)),
+        time=time,
+    )
+
+
 class CarState(NamedTuple):
     """State of a quarter car; scalars per lane."""
 
@@ -126,19 +141,7 @@ class QuarterCar:
     def signals(self, time, state: CarState, pressure) -> Signals:
         """Signals of the true state."""
         slope = self.flow(time, state, pressure)
-        offset = self.wheel.radius * slope.wheel_speed - slope.speed
-        slip = self.wheel.slip(state.wheel_speed, state.speed)
-        stiffness = self.road.stiffness(slip, time, state.distance)
-        return Signals(
-            vehicle_speed=state.speed,
-            vehicle_acceleration=slope.speed,
-            wheel_speed=state.wheel_speed,
-            acceleration_offset=offset,
-            radius=self.wheel.radius,
-            pressure=pressure,
-            stiffness=stiffness,
-            time=time,
-        )
+        return _signals(self, time, state, pressure, slope.wheel_speed, slope.speed)
 
     def speed_of(self, time, state: CarState):
         """v [m/s]."""
@@ -191,19 +194,7 @@ class TestRig:
     def signals(self, time, state: RigState, pressure) -> Signals:
         """Signals of the true state."""
         slope = self.flow(time, state, pressure)
-        offset = self.wheel.radius * slope.wheel_speed - self.acceleration
-        speed = self.speed_of(time)
-        stiffness = self.road.stiffness(self.wheel.slip(state.wheel_speed, speed), time, self.position(time))
-        return Signals(
-            vehicle_speed=speed,
-            vehicle_acceleration=self.acceleration + 0.0 * speed,
-            wheel_speed=state.wheel_speed,
-            acceleration_offset=offset,
-            radius=self.wheel.radius,
-            pressure=pressure,
-            stiffness=stiffness,
-            time=time,
-        )
+        return _signals(self, time, state, pressure, slope.wheel_speed, self.acceleration + 0.0 * slope.wheel_speed)
 
     def at(self, speed) -> RigState:
         """State of free rolling at drum speed `speed` [m/s]."""

@@ -15,7 +15,7 @@ def slip_planes_figure(road: str = "wet_asphalt", speed_kmh: float = 120.0):
     """Two-phase and five-phase in the plane of slip and x2, default and tuned sets."""
     figure, grid = plt.subplots(1, 2, figsize=(11, 4.5), layout="constrained", sharey=True)
     for axes, sets, title in zip(
-        grid, (distance_study.DEFAULTS, distance_study.tuned_sets()), ("default, no limits", "tuned, with limits")
+        grid, (distance_study.default_sets(), distance_study.tuned_sets()), ("default, no limits", "tuned, with limits")
     ):
         for name, color in (("five_phase", "C0"), ("two_phase", "C1")):
             config = sets[name]

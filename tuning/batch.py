@@ -68,6 +68,14 @@ class Row:
         return all(d is not None and d <= self.published for d in (self.tuned, self.sampled))
 
 
+def every_set_on_every_row(loop: ClosedLoop, parameters: Mapping[str, Any], rows: int) -> ClosedLoop:
+    """Lanes (rows * sets,) of a loop whose plant carries the rows; parameters of the controller are (sets,)."""
+    sets = len(next(iter(parameters.values())))
+    plant = jax.tree.map(lambda leaf: jnp.repeat(leaf, sets) if jnp.ndim(leaf) else leaf, loop.plant)
+    own = {name: jnp.tile(values, rows) for name, values in parameters.items()}
+    return dataclasses.replace(loop, plant=plant, controller=dataclasses.replace(loop.controller, **own))
+
+
 @model
 class Problem:
     """Rows of a tuning problem: arrays (rows,), the longest stops last, and what is the same for all."""
@@ -90,9 +98,7 @@ class Problem:
         `ticks`: steps between two tests of the guards, or 0 to locate switchings.
         """
         rows, sets = self.speed.shape[0], len(next(iter(parameters.values())))
-        car = jax.tree.map(lambda leaf: jnp.repeat(leaf, sets) if jnp.ndim(leaf) else leaf, self.loop.plant)
-        own = {name: jnp.tile(values, rows) for name, values in parameters.items()}
-        loop = dataclasses.replace(self.loop, plant=car, controller=dataclasses.replace(self.loop.controller, **own))
+        loop = every_set_on_every_row(self.loop, parameters, rows)
         loop = SampledLoop(loop, tick_every=ticks, substeps=self.substeps) if ticks else loop
         tile = min(64, max(8, rows * sets // 4))
         speed = jnp.repeat(self.speed, sets)
@@ -208,8 +214,8 @@ def _finite(distance) -> float | None:
 
 def score(config: TuningConfig, parameters: Mapping[str, float]) -> list[Row]:
     """Distances of the configured start and of tuned parameters: located, and sampled."""
-    problem, base = build(config), config.base_controller()
-    both = {name: np.array([float(getattr(base, name)), value]) for name, value in parameters.items()}
+    problem, initial = build(config), config.initial()
+    both = {name: np.array([initial[name], value]) for name, value in parameters.items()}
     located, sampled = judge(problem, both), judge(problem, both, *config.sampled_grid())
     rows = [
         Row(

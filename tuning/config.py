@@ -166,6 +166,11 @@ class TuningConfig(Entries):
         except ValueError as error:
             raise ConfigError(f"start: {error}") from None
 
+    def initial(self) -> dict[str, float]:
+        """Parameters of the controller the descent starts from."""
+        base = self.base_controller()
+        return {name: float(getattr(base, name)) for name in self.kind.names}
+
     def observer_model(self) -> Observer | None:
         """The observer in the loop."""
         if self.observer is None:
@@ -206,13 +211,13 @@ class TuningConfig(Entries):
             ConfigError: if limits are not admissible, or a threshold on XBS lies where a road's XBS never is.
         """
         names = self.tune or trainable_names(self.kind.model)
-        own, base = bounds_of(self.kind.model), self.base_controller()
-        pairs = [self.limits.get(name) or self._range(name, own[name], float(getattr(base, name))) for name in names]
+        own, initial = bounds_of(self.kind.model), self.initial()
+        pairs = [self.limits.get(name) or self._range(name, own[name], initial[name]) for name in names]
         for name, (low, high) in zip(names, pairs):
             require(f"limits.{name}", (low, high), own[name].low <= low <= high <= own[name].high, "(low, high)")
             require(f"limits.{name}", (low, high), low > 0 or not own[name].open_low, "(low, high) with 0 < low")
         if self.controller == "two_phase":
-            self._require_reachable("start.chi_a", float(base.chi_a))
+            self._require_reachable("start.chi_a", initial["chi_a"])
             for name, (low, _) in zip(names, pairs):
                 if name == "chi_a":
                     self._require_reachable("limits.chi_a", low)

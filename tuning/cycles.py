@@ -11,6 +11,7 @@ import numpy as np
 from absjax.closed_loop import ClosedLoop
 from absjax.cycles.rollout import CycleStatus, limit_cycle
 from absjax.tyre import Burckhardt
+from tuning.batch import every_set_on_every_row
 from tuning.config import TuningConfig
 from tuning.entries import tyre_of
 from tuning.search import in_chunks
@@ -56,23 +57,14 @@ def rig_loops(config: TuningConfig) -> ClosedLoop:
     return config.rig_loop(config.base_controller(), Burckhardt(*columns), speed)
 
 
-def contractions(loops: ClosedLoop, parameters: Mapping[str, Any], step: float):
-    """Contraction of every set on every road and speed, and its status, (rows, sets); parameters are (sets,)."""
-    sets = len(next(iter(parameters.values())))
-    rows = loops.plant.speed.shape[0]
-    plant = jax.tree.map(lambda leaf: jnp.repeat(leaf, sets) if jnp.ndim(leaf) else leaf, loops.plant)
-    own = {name: jnp.tile(values, rows) for name, values in parameters.items()}
-    loops = dataclasses.replace(loops, plant=plant, controller=dataclasses.replace(loops.controller, **own))
-    cycle = limit_cycle(loops, step=step)
-    return cycle.contraction.reshape(rows, sets), cycle.status.reshape(rows, sets)
-
-
 def charges(loops: ClosedLoop, parameters: Mapping[str, Any], step: float, largest: float):
-    """What sets are charged for contractions above the largest allowed, (sets,); differentiable."""
-    contraction, status = contractions(loops, parameters, step)
-    found = status == CycleStatus.FOUND
-    excess = jnp.maximum(jnp.where(found, contraction, 0.0) - largest, 0.0)
-    return (CONTRACTION_CHARGE * excess + NO_CYCLE_CHARGE * ~found).sum(axis=0)
+    """What sets are charged for contractions above the largest allowed, (sets,); parameters are (sets,).
+    Differentiable."""
+    rows = loops.plant.speed.shape[0]
+    cycle = limit_cycle(every_set_on_every_row(loops, parameters, rows), step=step)
+    found = cycle.status == CycleStatus.FOUND
+    excess = jnp.maximum(jnp.where(found, cycle.contraction, 0.0) - largest, 0.0)
+    return (CONTRACTION_CHARGE * excess + NO_CYCLE_CHARGE * ~found).reshape(rows, -1).sum(axis=0)
 
 
 _charges = jax.jit(charges, static_argnames="step")
@@ -92,12 +84,13 @@ def certify_cycles(config: TuningConfig, parameters: Mapping[str, float]) -> lis
         return []
     true = rig_loops(config)
     controller = dataclasses.replace(true.controller, **parameters)
-    cycle = limit_cycle(dataclasses.replace(true, controller=controller), step=config.kind.step)
+    cycle = jax.tree.map(
+        np.asarray, limit_cycle(dataclasses.replace(true, controller=controller), step=config.kind.step)
+    )
     whole = None
     if config.observer is not None:
         observed = dataclasses.replace(true, controller=controller, observer=config.observer_model())
         whole = jax.tree.map(np.asarray, limit_cycle(observed, step=config.grid_step))
-    status, contraction, period = (np.asarray(x) for x in (cycle.status, cycle.contraction, cycle.period))
 
     def finite(value):
         return float(value) if np.isfinite(value) else None
@@ -109,6 +102,6 @@ def certify_cycles(config: TuningConfig, parameters: Mapping[str, float]) -> lis
         if whole is not None:
             code = CycleStatus(int(whole.status[i]))
             observed = {"observer_status": code.name, "with_observer": finite(whole.contraction[i])}
-        found = CycleStatus(int(status[i])).name
-        rows.append(CycleRow(name, speed, found, finite(period[i]), finite(contraction[i]), **observed))
+        found = CycleStatus(int(cycle.status[i])).name
+        rows.append(CycleRow(name, speed, found, finite(cycle.period[i]), finite(cycle.contraction[i]), **observed))
     return rows

@@ -1,9 +1,9 @@
 """Braking distances of every controller on every road: published, of the default set, tuned, ideal.
 
 The default sets, without limits and on the true XBS, reproduce the published distances (the source prints the
-five-phase thresholds only); tuned sets live with a rate limit of
-750 bar/s, a brake lag of 5 ms, thresholds and zref of 10 m/s^2 at least, and, where they use XBS, with the
-estimate of the adaptive observer, but for continuous control of XBS, which needs the true one.
+five-phase thresholds only). Tuned sets live with a rate limit of 750 bar/s, a brake lag of 5 ms, thresholds and zref of
+10 m/s^2 at least, and, where they use XBS, with the estimate of the adaptive observer, but for continuous control of
+XBS, which needs the true one.
 Source: Aguado-Rojas 2019, Table 4.1.
 """
 
@@ -21,11 +21,8 @@ from tuning.config import TuningConfig
 from tuning.files import read_json
 
 NO_LIMITS: dict[str, Any] = {"rate_limit": None, "lag": None}
-DEFAULTS = {
-    "five_phase": TuningConfig(**NO_LIMITS),
-    "two_phase": TuningConfig(controller="two_phase", **NO_LIMITS),
-}
-"""Five phases: thresholds of Aguado-Rojas 2019, Fig. 6.6; two phases: zref = 20, kp = 500, chi = (-0.1, 1.0)."""
+DEFAULTS = ("five_phase", "two_phase")
+"""Controllers whose default sets reproduce published distances."""
 NO_MAXIMUM = ((0.8, 12.0, 0.0), (0.35, 40.0, 0.0))
 """Roads whose friction does not fall with slip, like gravel or deep snow: c1, c2 and c3 = 0."""
 FURTHER_ROADS: tuple[Any, ...] = ("snow", "ice", *NO_MAXIMUM)
@@ -70,6 +67,12 @@ class Distances(NamedTuple):
 
 
 @cache
+def default_sets() -> dict[str, TuningConfig]:
+    """Five phases: thresholds of Aguado-Rojas 2019, Fig. 6.6; two phases: zref = 20, kp = 500, chi = (-0.1, 1.0)."""
+    return {name: TuningConfig(controller=name, **NO_LIMITS) for name in DEFAULTS}
+
+
+@cache
 def tuned_sets() -> dict[str, TuningConfig]:
     """The shipped tuned sets by controller; the parameters are the start of a configuration."""
     with resources.as_file(resources.files("tuning") / "data" / "controllers.json") as path:
@@ -79,8 +82,7 @@ def tuned_sets() -> dict[str, TuningConfig]:
 def distances(config: TuningConfig, sampled: bool, roads: tuple[Any, ...], speeds_kmh: tuple[float, ...]) -> Distances:
     """Stops of the start of a configuration, in the order of `tuning.batch.labels`."""
     config = dataclasses.replace(config, roads=roads, speeds_kmh=speeds_kmh, reference="ideal")
-    base = config.base_controller()
-    one = {name: np.array([float(getattr(base, name))]) for name in config.kind.names}
+    one = {name: np.array([value]) for name, value in config.initial().items()}
     judged = judge(build(config), one, *(config.sampled_grid() if sampled else ()))
     return Distances(judged.distances[:, 0], judged.outcomes[:, 0], judged.cycles[:, 0])
 
@@ -111,11 +113,10 @@ class Study(NamedTuple):
 
 def study(roads: tuple[Any, ...] = published.ROADS, speeds_kmh: tuple[float, ...] = published.SPEEDS_KMH) -> Study:
     """Stops of all sets."""
-    rows = labels(TuningConfig(roads=roads, speeds_kmh=speeds_kmh))
-    ideal = build(TuningConfig(roads=roads, speeds_kmh=speeds_kmh)).ideal
+    config = TuningConfig(roads=roads, speeds_kmh=speeds_kmh)
     return Study(
-        [(name, speed, float(d)) for (name, speed, _), d in zip(rows, ideal)],
-        {name: distances(config, False, roads, speeds_kmh) for name, config in DEFAULTS.items()},
+        [(name, speed, float(d)) for (name, speed, _), d in zip(labels(config), build(config).ideal)],
+        {name: distances(config, False, roads, speeds_kmh) for name, config in default_sets().items()},
         *(
             {name: distances(config, sampled, roads, speeds_kmh) for name, config in tuned_sets().items()}
             for sampled in (False, True)

@@ -1,7 +1,7 @@
 """The observers' commands: tune on simulated runs or on a log, and the study of published against tuned gains."""
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 
@@ -42,6 +42,7 @@ from tuning.observer_study import (
 )
 from tuning.report import Report
 from tuning.scenarios import Scenarios
+from tuning.search import Progress
 from tuning.tracking_study import drive, loops, share_locked, summary, tracking_figure
 from tuning.tune_observer import ObserverResult, trade_off, tune_observer
 
@@ -51,7 +52,6 @@ LOG_SHARE = 0.6
 SETTLE = 0.5
 """Beginning of a log on which errors do not count, s."""
 TRADE_OFF_WEIGHTS = (0.02, 0.1, 0.3, 1.0, 3.0)
-Progress = Callable[[int, int, float], None]
 
 
 def _outcome(result: ObserverResult, out: Path, tables, files) -> Report:

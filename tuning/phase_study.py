@@ -50,15 +50,19 @@ class PhaseRun(NamedTuple):
     """whether the run ended because the law is not defined any more"""
 
     @property
+    def end(self) -> slice:
+        """The last fifth of the run."""
+        return slice(-max(1, len(self.time) // 5), None)
+
+    @property
     def distance(self) -> float:
         """Largest |XBS| in the last fifth of the run: how near the peak it stays."""
-        return float(np.abs(self.stiffness[-max(1, len(self.stiffness) // 5) :]).max())
+        return float(np.abs(self.stiffness[self.end]).max())
 
     @property
     def error(self) -> float:
         """Largest error of the estimate in the last fifth."""
-        tail = slice(-max(1, len(self.stiffness) // 5), None)
-        return float(np.abs(self.estimate - self.stiffness)[tail].max())
+        return float(np.abs(self.estimate - self.stiffness)[self.end].max())
 
 
 def observer():
@@ -105,7 +109,7 @@ def rows(name: str, studied: dict[str, dict[bool, PhaseRun]]) -> list[dict[str, 
             "told": run.label,
             "ends": f"control undefined at {run.time[-1]:.3f} s" if run.undefined else "still running",
             "last |XBS|": round(run.distance, 4),
-            "last |x2| [m/s²]": round(float(np.abs(run.offset[-len(run.offset) // 5 :]).max()), 3),
+            "last |x2| [m/s²]": round(float(np.abs(run.offset[run.end]).max()), 3),
             "last error of XBS": round(run.error, 3),
             "lowest estimate": round(float(run.estimate.min()), 3),
         }

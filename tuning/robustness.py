@@ -50,8 +50,6 @@ class Draws(NamedTuple):
     seed: np.ndarray
     speed: np.ndarray
     """m/s"""
-    road: np.ndarray
-    """index of the surface in the names drawn from"""
 
 
 class Summary(NamedTuple):
@@ -88,7 +86,7 @@ def draw(count: int, seed: int, scatter: Scatter = SCATTER, roads: tuple[str, ..
         brake_efficiency=scattered(np.full(count, float(nominal.brake_efficiency)), scatter.brake_efficiency),
     )
     lag, noise, speed = (rng.uniform(*pair, count) for pair in (scatter.lag, scatter.noise, scatter.speed_kmh))
-    draws = Draws(Burckhardt(*curve), wheel, lag, noise, np.arange(count), speed / 3.6, which)
+    draws = Draws(Burckhardt(*curve), wheel, lag, noise, np.arange(count), speed / 3.6)
     order = np.argsort(draws.speed / np.asarray(draws.tyre.peak().friction))
     return jax.tree.map(lambda leaf: np.asarray(leaf)[order], draws)
 

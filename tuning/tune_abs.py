@@ -14,7 +14,6 @@ import jax
 import numpy as np
 
 from absjax.closed_loop import Controller
-from absjax.parameters import bounds_of
 from tuning import search
 from tuning.batch import Problem, Row, build, judge, score
 from tuning.config import TuningConfig
@@ -84,8 +83,7 @@ def tune_abs(config: TuningConfig, *, progress: Progress = lambda i, n, cost: No
         seed=config.seed + 1,
     )
     tuned = {name: float(value) for name, value in box.values(chosen).items()}
-    base = config.base_controller()
-    parameters = {name: float(getattr(base, name)) for name in bounds_of(base)} | tuned
+    parameters = config.initial() | tuned
     return TuningResult(
         parameters=parameters,
         rows=score(config, parameters),
@@ -153,8 +151,8 @@ def _validate(config: TuningConfig, problem: Problem, box: Box, points) -> np.nd
 
 def _starts(config: TuningConfig, problem: Problem, box: Box) -> np.ndarray:
     """The configured start, the known ones, and the best of the screened random ones."""
-    base = {name: float(getattr(config.base_controller(), name)) for name in box.names}
-    given = np.clip(np.stack([box.point({**base, **known}) for known in ({}, *config.known)]), *box.limits)
+    initial = config.initial()
+    given = np.clip(np.stack([box.point({**initial, **known}) for known in ({}, *config.known)]), *box.limits)
 
     def costs(points):
         return judge(problem, {name: np.asarray(values) for name, values in box.values(points).items()}).costs

@@ -188,9 +188,10 @@ def _largest_eigenvalue(matrix):
     and left eigenvectors."""
     fixed = lax.stop_gradient(matrix)
     (values, right), (transposed, left) = (jnp.linalg.eig(a) for a in (fixed, jnp.swapaxes(fixed, -1, -2)))
-    x, value = _pick(right, values), jnp.max(jnp.abs(values), axis=-1)
-    chosen = jnp.take_along_axis(values, jnp.argmax(jnp.abs(values), axis=-1)[..., None], axis=-1)
-    y = _pick(left, -jnp.abs(transposed - chosen))
+    largest = jnp.argmax(jnp.abs(values), axis=-1)
+    chosen = jnp.take_along_axis(values, largest[..., None], axis=-1)
+    value, x = jnp.abs(chosen[..., 0]), _column(right, largest)
+    y = _column(left, jnp.argmin(jnp.abs(transposed - chosen), axis=-1))
     norm = jnp.sum(y * x, axis=-1)
     change = jnp.einsum("...i,...ij,...j->...", y, (matrix - fixed).astype(x.dtype), x)
     sound = (jnp.abs(norm) > 0) & (value > 0)
@@ -198,7 +199,6 @@ def _largest_eigenvalue(matrix):
     return value + jnp.real(direction * change)
 
 
-def _pick(vectors, merit):
-    """The column of `vectors` (..., n, n) where `merit` (..., n) is largest in magnitude or value."""
-    merit = jnp.abs(merit) if jnp.iscomplexobj(merit) else merit
-    return jnp.take_along_axis(vectors, jnp.argmax(merit, axis=-1)[..., None, None], axis=-1)[..., 0]
+def _column(vectors, index):
+    """Column `index` (...) of `vectors` (..., n, n)."""
+    return jnp.take_along_axis(vectors, index[..., None, None], axis=-1)[..., 0]

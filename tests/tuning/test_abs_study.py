@@ -18,6 +18,7 @@ from tuning.distance_study import (
     Distances,
     Study,
     best_rows,
+    default_sets,
     distance_rows,
     distances,
     reached,
@@ -40,7 +41,7 @@ def test_every_controller_has_a_tuned_set():
 def test_the_hard_rows_are_reached(name):
     """Dry cobblestones and wet asphalt leave the least room; the whole table takes minutes (`abs-study`)."""
     where = (("dry_cobblestones", "wet_asphalt"), (60.0,))
-    before = distances(DEFAULTS[name], False, *where)
+    before = distances(default_sets()[name], False, *where)
     located, sampled = (distances(tuned_sets()[name], sampled, *where) for sampled in (False, True))
     rows = [("dry_cobblestones", 60.0, 14.16), ("wet_asphalt", 60.0, 17.67)]
     done = Study(rows, {name: before}, {name: located}, {name: sampled})
