@@ -1,0 +1,219 @@
+"""The time-stamping algorithm: a polynomial through the last n edges gives angle, speed and acceleration.
+
+With the stamps shifted and scaled to the unit interval, s = (t - t_oldest) / (t_newest - t_oldest), the angles of the
+n edges are fitted by a polynomial of order m in s; its derivatives at the time of the sample are w and w'. The fit is
+by polynomials orthogonal over the n stamps (Forsythe's recurrence), so no system of equations is solved:
+
+    p_0 = 1,   p_{j+1}(s) = (s - a_j) p_j(s) - b_j p_{j-1}(s),   a_j = <s p_j, p_j> / <p_j, p_j>,   b_j = <p_j, p_j> / <p_{j-1}, p_{j-1}>
+
+Only the times between edges and the age of the newest are kept: they do not grow, and may be integer clock ticks.
+Source: Aguado-Rojas 2019, section 5.2 and appendix C; Forsythe 1957 for the recurrence.
+"""
+
+import dataclasses
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from absjax._numerics import safe_divide, tree_where
+from absjax.encoder.edges import Edges
+from absjax.encoder.rotation import Rotation
+from absjax.parameters import model, parameter
+
+LATE = 1.2
+"""An edge is late when it has not come after so many times of the last one."""
+OVERDUE = 2.2
+"""From so many times on it is not one that was missed: the wheel is slower."""
+LONGEST_TICKS = 2**30
+"""Longest time that is told apart in integer clock ticks."""
+LONGEST_SECONDS = 1e6
+"""The same in seconds, for ages that are not integers."""
+MOST_MISSED = 3
+"""Most edges missed in a row that are recognised."""
+
+
+@model
+class Stamps:
+    """What the algorithm keeps: the last n edges, newest first. Times in s or clock ticks."""
+
+    intervals: Any = parameter("times between successive edges, shape (n - 1,)", ndim=1)
+    teeth: Any = parameter("teeth passed between them, shape (n - 1,)", ndim=1)
+    age: Any = parameter("time since the newest edge")
+    tooth: Any = parameter("teeth passed since the first edge, modulo those of the encoder")
+    edges: Any = parameter("edges seen since the wheel last stood, n at most")
+
+
+class Measured(NamedTuple):
+    """What the algorithm makes of its stamps at a sample."""
+
+    rotation: Rotation
+    """th [rad] in [0, 2 pi), from the first edge seen; w [rad/s] >= 0; w' [rad/s^2]"""
+    valid: jax.Array
+    """n edges have been seen since the wheel last stood"""
+    regular: jax.Array
+    """and the next is not late"""
+
+
+@model
+class TimeStamping:
+    """The algorithm of order m over the last n edges of an encoder with N teeth."""
+
+    teeth: int = 60
+    """N"""
+    events: int = 15
+    """n"""
+    order: int = 2
+    """m"""
+    window: Any = parameter("n, of which only the newest so many edges are used; None: all", default=None, low=3.0)
+    greatest_deceleration: Any = parameter(
+        "of the wheel, rad/s^2; an edge that comes so late that it would have been exceeded was preceded by one that "
+        "was missed. None: no edge is missed",
+        default=5000.0,
+        low=0.0,
+        open_low=True,
+    )
+    standstill: Any = parameter("longest time between edges of a turning wheel, s", default=0.5, low=0.0, open_low=True)
+
+    def __post_init__(self):
+        for name, value, least in (("teeth", self.teeth, 3), ("order", self.order, 2), ("events", self.events, self.order + 1)):
+            if value != int(value) or value < least:
+                raise ValueError(f"TimeStamping.{name} = {value} must be an integer >= {least}")
+
+    @property
+    def pitch(self) -> float:
+        """2 pi / N [rad]."""
+        return 2 * np.pi / self.teeth
+
+    def at(self, times, dtype) -> Stamps:
+        """Before any edge.
+
+        Args:
+            times: dtype of the ages.
+            dtype: of everything else.
+        """
+        longest = _longest(times)
+        zero = jnp.zeros((), dtype)
+        intervals = jnp.full(self.events - 1, longest, times)
+        return Stamps(intervals, jnp.ones(self.events - 1, dtype), jnp.asarray(longest, times), zero, zero)
+
+    def absorb(self, stamps: Stamps, edges: Edges, period, tick) -> Stamps:
+        """The stamps at the next sample, after its edges.
+
+        Args:
+            edges: of one sample.
+            period: time since the sample before, in the unit of the ages.
+            tick: that unit [s].
+        """
+        longest = _longest(edges.ages.dtype)
+        waited = jnp.minimum(stamps.age + period, longest)
+        for i in range(edges.ages.shape[-1]):
+            interval = jnp.minimum(waited - edges.ages[i], longest)
+            stamps = tree_where(i < edges.count, self._push(stamps, interval, tick), stamps)
+            waited = jnp.where(i < edges.count, edges.ages[i], waited)
+        return dataclasses.replace(stamps, age=waited)
+
+    def _push(self, stamps: Stamps, interval, tick) -> Stamps:
+        dtype = stamps.edges.dtype
+        waited = interval.astype(dtype) * tick
+        teeth = self._teeth_passed(stamps, waited, tick)
+        stood = (waited > self.standstill) | (stamps.edges == 0)
+        return Stamps(
+            jnp.concatenate([interval[None], stamps.intervals[:-1]]),
+            jnp.concatenate([teeth[None], stamps.teeth[:-1]]),
+            stamps.age,
+            jnp.where(stamps.edges == 0, 0.0, (stamps.tooth + teeth) % self.teeth),
+            jnp.where(stood, 1.0, jnp.minimum(stamps.edges + 1, self.events)),
+        )
+
+    def _teeth_passed(self, stamps: Stamps, waited, tick):
+        """1, or more where edges have been missed: their times would need a deceleration the wheel cannot have."""
+        one = jnp.ones_like(waited)
+        if self.greatest_deceleration is None:
+            return one
+        usual = stamps.intervals[0].astype(waited.dtype) * tick / stamps.teeth[0]
+        passed = jnp.round(safe_divide(waited, usual, usual > 0))
+        deceleration = safe_divide(
+            2 * self.pitch * (waited - usual), waited * usual * (waited + usual), (waited > 0) & (usual > 0)
+        )
+        missed = (stamps.edges > 1) & (passed > 1) & (passed <= MOST_MISSED + 1)
+        return jnp.where(missed & (deceleration > self.greatest_deceleration), passed, one)
+
+    def measure(self, stamps: Stamps, tick) -> Measured:
+        """Angle, speed and acceleration at the sample; `tick` is the unit of the times [s]."""
+        dtype = stamps.edges.dtype
+        window = self.events if self.window is None else jnp.clip(self.window, self.order + 1, self.events)
+        used = jnp.minimum(stamps.edges, window)
+        counts = jnp.arange(self.events) < used
+        old, span, teeth = unit_interval(stamps.intervals, stamps.teeth, counts, dtype)
+        enough = (used > self.order) & (span > 0)
+        span = jnp.where(enough, span, 1.0)
+        age = stamps.age.astype(dtype)
+        now = 1 + age / span
+        place, slope, curvature = _fit(old, teeth, counts & enough, now, self.order)
+        seconds, waited = span * tick, age * tick
+        speed = jnp.where(enough, jnp.maximum(slope, 0.0) * self.pitch / seconds, 0.0)
+        acceleration = jnp.where(enough, curvature * self.pitch / seconds**2, 0.0)
+
+        # A wheel that has not shown its next tooth yet has turned by less than one.
+        usual = stamps.intervals[0].astype(dtype) * tick / stamps.teeth[0]
+        bound = safe_divide(self.pitch, waited, waited > 0, jnp.inf)
+        late = waited > LATE * usual
+        speed = jnp.where(late, jnp.minimum(speed, bound), speed)
+        overdue = enough & (waited > OVERDUE * usual)
+        acceleration = jnp.where(overdue, -safe_divide(speed, waited, waited > 0), acceleration)
+        turned = jnp.where(enough, jnp.clip(place, 0.0, 1.0), 0.0)
+        angle = self.pitch * ((stamps.tooth + turned) % self.teeth)
+        valid = enough & (stamps.edges >= window)
+        return Measured(Rotation(angle, speed, acceleration), valid, valid & ~late)
+
+
+def unit_interval(intervals, teeth, counts, dtype) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Stamps shifted and scaled to the unit interval.
+
+    Args:
+        intervals, teeth: times and teeth between successive edges, newest first, (n - 1,).
+        counts: which of the n edges count, newest first, (n,).
+
+    Returns:
+        The scaled stamps, newest (1) first; the span they were scaled by; the teeth passed since, negative. The
+        stamps of edges that do not count mean nothing.
+    """
+
+    def before(values):
+        steps = jnp.where(counts[1:], values.astype(dtype), 0.0)
+        return jnp.concatenate([jnp.zeros(1, dtype), jnp.cumsum(steps)])
+
+    ages = before(intervals)
+    span = ages[-1]
+    return 1 - safe_divide(ages, span, span > 0), span, -before(teeth)
+
+
+def _fit(s, y, counts, now, order: int) -> tuple[jax.Array, jax.Array, jax.Array]:
+    """Least-squares polynomial through the points that count: its value, slope and curvature at `now`."""
+    weight = counts.astype(s.dtype)
+    residual = y * weight
+    one, zero = jnp.ones_like(now), jnp.zeros_like(now)
+    basis, basis_before = weight, jnp.zeros_like(s)
+    at, at_before = (one, zero, zero), (zero, zero, zero)
+    square_before = one
+    value, slope, curvature = zero, zero, zero
+    for j in range(order + 1):
+        square = jnp.sum(basis * basis)
+        coefficient = safe_divide(jnp.sum(residual * basis), square, square > 0)
+        residual = residual - coefficient * basis
+        value, slope, curvature = (x + coefficient * p for x, p in zip((value, slope, curvature), at))
+        a = safe_divide(jnp.sum(s * basis * basis), square, square > 0)
+        b = safe_divide(square, square_before, square_before > 0) if j else zero
+        basis, basis_before = (s - a) * basis - b * basis_before, basis
+        (p0, p1, p2), (q0, q1, q2) = at, at_before
+        at_before = at
+        at = ((now - a) * p0 - b * q0, p0 + (now - a) * p1 - b * q1, 2 * p1 + (now - a) * p2 - b * q2)
+        square_before = square
+    return value, slope, curvature
+
+
+def _longest(dtype):
+    return LONGEST_TICKS if jnp.issubdtype(dtype, jnp.integer) else LONGEST_SECONDS
+

@@ -1,0 +1,171 @@
+"""From edges to wheel speed and acceleration: time-stamping, then compensation of either signal.
+
+One sample at a time (`absorb`), as in a control unit, or over a log (`estimate`); both are the same steps.
+"""
+
+from functools import partial
+from typing import Any, NamedTuple, Protocol
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from absjax.encoder.edges import Edges
+from absjax.encoder.time_stamping import Measured, Stamps, TimeStamping
+from absjax.parameters import lane_axes, model, part
+
+
+class Compensation(Protocol):
+    """What takes the encoder's errors off one of the signals. Scalars per lane."""
+
+    signal: str
+    """speed or acceleration"""
+
+    def at(self, dtype) -> Any:
+        """State before any sample."""
+        ...
+
+    def clean(self, state, measured: Measured, period) -> tuple[Any, jax.Array]:
+        """State after a sample, and the signal without the errors."""
+        ...
+
+
+class ChainState(NamedTuple):
+    """State of the chain."""
+
+    stamps: Stamps
+    speed: Any
+    acceleration: Any
+
+
+class WheelSpeed(NamedTuple):
+    """What the chain says at a sample; arrays (samples,) or (lanes, samples) over a log."""
+
+    speed: jax.Array
+    """estimate of w [rad/s]"""
+    acceleration: jax.Array
+    """estimate of w' [rad/s^2]"""
+    measured: Measured
+    """angle, speed and acceleration of the time-stamping algorithm, not compensated"""
+
+
+@model
+class WheelSpeedChain:
+    """Time-stamping, and the compensation of each signal; None leaves a signal as it is."""
+
+    stamping: TimeStamping = part("the time-stamping algorithm")
+    speed: Compensation | None = part("of the speed", default=None)
+    acceleration: Compensation | None = part("of the acceleration", default=None)
+
+    def __post_init__(self):
+        for name in ("speed", "acceleration"):
+            compensation = getattr(self, name)
+            if compensation is not None and getattr(compensation, "signal", name) != name:
+                raise ValueError(f"WheelSpeedChain.{name} compensates the {compensation.signal}")
+
+    def at(self, times, dtype) -> ChainState:
+        """State before any edge; `times` is the dtype of the edges' ages, `dtype` that of all else."""
+        speed, acceleration = (None if c is None else c.at(dtype) for c in (self.speed, self.acceleration))
+        return ChainState(self.stamping.at(times, dtype), speed, acceleration)
+
+    def absorb(self, state: ChainState, edges: Edges, period, tick=1.0) -> tuple[ChainState, WheelSpeed]:
+        """The state at the next sample, and what is known then.
+
+        Args:
+            edges: since the sample before.
+            period: from one sample to the next, in the unit of the ages.
+            tick: that unit [s]; 1 for ages in s.
+        """
+        stamps = self.stamping.absorb(state.stamps, edges, period, tick)
+        measured = self.stamping.measure(stamps, tick)
+        seconds = tick * jnp.asarray(period, measured.rotation.speed.dtype)
+        kept, values = [], []
+        for compensation, before in ((self.speed, state.speed), (self.acceleration, state.acceleration)):
+            if compensation is None:
+                kept.append(None)
+                values.append(None)
+            else:
+                after, value = compensation.clean(before, measured, seconds)
+                kept.append(after)
+                values.append(value)
+        speed = measured.rotation.speed if values[0] is None else values[0]
+        acceleration = measured.rotation.acceleration if values[1] is None else values[1]
+        return ChainState(stamps, *kept), WheelSpeed(speed, acceleration, measured)
+
+
+def estimate(
+    chain: WheelSpeedChain, edges: Edges, period, tick: Any = 1.0, *, start: ChainState | None = None
+) -> tuple[WheelSpeed, ChainState]:
+    """Run the chain over a log, or over many.
+
+    Lanes: wherever a leaf of the chain or the edges have one leading axis more than a single log needs, it counts
+    lanes; other leaves are shared. Differentiable in forward and reverse mode.
+
+    Args:
+        chain: the chain.
+        edges: ages (samples, capacity), or (lanes, samples, capacity), with their counts.
+        period: from one sample to the next, in the unit of the ages.
+        tick: that unit [s]; 1 for ages in s. Results are of its dtype if that is an array's, else of the ages'
+            (float32 for integers unless double precision is on).
+        start: state before the first sample, as it came back; None: nothing seen yet.
+
+    Returns:
+        What is known at every sample, and the state after the last.
+
+    Raises:
+        ValueError: if shapes do not fit, or ages are integers and the period is not.
+    """
+    ages, count = jnp.asarray(edges.ages), jnp.asarray(edges.count)
+    if ages.ndim not in (2, 3) or count.shape != ages.shape[:-1]:
+        raise ValueError(
+            f"edges: ages of shape {ages.shape} and counts of shape {count.shape}; "
+            "(samples, capacity) and (samples,) are needed, or the same after an axis of lanes"
+        )
+    whole = jnp.issubdtype(ages.dtype, jnp.integer)
+    if whole and int(period) != period:
+        raise ValueError(f"period = {period} must be a whole number of ticks, as the ages are")
+    dtype = tick.dtype if hasattr(tick, "dtype") else jnp.result_type(float) if whole else ages.dtype
+    chain = jax.tree.map(lambda x: jnp.asarray(x, dtype), chain)
+    return _estimate(chain, Edges(ages, count), jnp.asarray(period, ages.dtype), jnp.asarray(tick, dtype), start)
+
+
+@jax.jit
+def _estimate(chain, edges: Edges, period, tick, start):
+    axes = lane_axes(chain)
+    sizes = {jnp.shape(leaf)[0] for leaf, axis in zip(jax.tree.leaves(chain), jax.tree.leaves(axes)) if axis >= 0}
+    if edges.ages.ndim == 3:
+        sizes.add(edges.ages.shape[0])
+    if len(sizes) > 1:
+        raise ValueError(f"chain and edges have {' and '.join(map(str, sorted(sizes)))} lanes; all must have one size")
+    # Lanes come last inside the scan: loops over them are what the compiler vectorises.
+    lanes = sizes.pop() if sizes else None
+    over = partial(jax.tree.map, lambda axis: None if axis < 0 else 0)
+    first = start
+    if first is None:
+        first = chain_start(chain, axes, lanes, edges.ages.dtype, tick.dtype)
+    elif lanes is not None:
+        first = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1), first)
+    if lanes is None:
+        step = lambda state, now: chain.absorb(state, now, period, tick)  # noqa: E731
+        sequence = edges
+    else:
+        many = edges.ages.ndim == 3
+        sequence = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1), edges) if many else edges
+        mapped = jax.vmap(
+            lambda chain, state, now: chain.absorb(state, now, period, tick),
+            in_axes=(over(axes), -1, -1 if many else None),
+            out_axes=-1,
+        )
+        step = partial(mapped, chain)
+    final, path = lax.scan(jax.checkpoint(step, prevent_cse=False), first, sequence)
+    if lanes is not None:
+        path, final = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, -1, 0), (path, final))
+    return path, final
+
+
+def chain_start(chain, axes, lanes, times, dtype):
+    """State of every lane before any edge, lanes last."""
+    if lanes is None:
+        return chain.at(times, dtype)
+    over = jax.tree.map(lambda axis: None if axis < 0 else 0, axes)
+    return jax.vmap(lambda chain: chain.at(times, dtype), in_axes=(over,), out_axes=-1, axis_size=lanes)(chain)
