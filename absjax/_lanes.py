@@ -240,6 +240,12 @@ def _land(lanes: Lanes, there: Local, step, target, crossed):
     return crossed, target, *_locate.refine(ends, last, start)
 
 
+def _finite(tree):
+    """Whether every number of a lane is finite; of an array its sum counts."""
+    leaves = jax.tree.leaves(tree)
+    return jnp.isfinite(sum(leaf if leaf.ndim == 1 else leaf.sum(axis=range(1, leaf.ndim)) for leaf in leaves))
+
+
 def _ends(lanes: Lanes, there: Local, step, i: int) -> Ends:
     return Ends(lanes.local.guards[i], step * lanes.local.rates[i], there.guards[i], step * there.rates[i])
 
@@ -253,7 +259,7 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
     here = there = tile.local(time, state, mode)
     if tile.ticks and here.guards:
         there = tile.local(time, reached, reached_mode)
-    finite = jnp.isfinite(sum(jax.tree.leaves((state, here.slope))))
+    finite = _finite((state, here.slope))
     held = ~(active & finite)
     if here.guards:
         busy = lanes.doing != NORMAL

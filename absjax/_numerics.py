@@ -7,9 +7,14 @@ import jax
 import jax.numpy as jnp
 
 
+def per_lane(values, leaf):
+    """Values (lanes,) with as many axes as a leaf (lanes, ...), to be broadcast over it; scalars as they are."""
+    return jnp.reshape(values, jnp.shape(values) + (1,) * (jnp.ndim(leaf) - jnp.ndim(values)))
+
+
 def tree_where(condition, yes: Any, no: Any) -> Any:
-    """Leafwise `jnp.where` over two pytrees of equal structure."""
-    return jax.tree.map(lambda a, b: jnp.where(condition, a, b), yes, no)
+    """Leafwise `jnp.where` over two pytrees of equal structure; leaves may have axes after those of the condition."""
+    return jax.tree.map(lambda a, b: jnp.where(per_lane(condition, a), a, b), yes, no)
 
 
 def safe_divide(numerator, denominator, valid, otherwise=0.0):

@@ -16,7 +16,7 @@ import jax
 import jax.numpy as jnp
 
 from absjax._lanes import CROSSING, NORMAL, Grid, Lanes, Tile, pick, step_of, time_of
-from absjax._numerics import rk4_step, safe_divide, tree_where
+from absjax._numerics import per_lane, rk4_step, safe_divide, tree_where
 
 
 def tangent(
@@ -56,7 +56,7 @@ def tangent(
         _, (by_step, guard_by_step) = jax.jvp(lambda h: end(*at, h), (step,), (jnp.ones_like(step),))
         sound = (lanes.doing == CROSSING) & (guard_by_step > 0) & ~kept
         d_step = jnp.where(normal & ~kept, d_left, safe_divide(-d_guard, guard_by_step, sound))
-        d_end = jax.tree.map(lambda d, rate: d + rate * d_step, d_end, by_step)
+        d_end = jax.tree.map(lambda d, rate: d + rate * per_lane(d_step, rate), d_end, by_step)
 
     def transition(function, applies, state, d_state):
         """State and tangent after a jump or tick where it `applies`."""

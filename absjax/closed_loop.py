@@ -16,6 +16,7 @@ from absjax.actuator import Brake, BrakeState
 from absjax.hybrid import FINISHED
 from absjax.observers.sampled import Observer, Sample, advance
 from absjax.parameters import model, parameter, part
+from absjax.sensor import Sensor
 from absjax.vehicle import Plant, Signals
 
 LOCKED = -3
@@ -238,6 +239,8 @@ class SampledState(NamedTuple):
     """commanded rates on their way, newest first; the last one acts [bar/s]"""
     sampled: tuple[jax.Array, Sample] | None
     """time and values of the observer's last sample; None without an observer"""
+    sensor: Any
+    """state of the sensor; None without one"""
 
 
 @model
@@ -251,7 +254,7 @@ class SampledLoop:
     """
 
     loop: ClosedLoop = part("the loop")
-    sensor: Any = part("`sensor.measure(time, signals)`; None measures without error", default=None)
+    sensor: Sensor | None = part("what is measured instead of the truth; None measures without error", default=None)
     tick_every: int = 1
     delay: int = 0
     substeps: int = 1
@@ -264,18 +267,18 @@ class SampledLoop:
     def at(self, speed) -> SampledState:
         """State of free rolling at `speed` [m/s], the first command given at once."""
         state, zero = self.loop.at(speed), 0.0 * speed
-        signals = self._measured(zero, state)
+        signals, sensor = self.loop.measured(zero, state), None
+        if self.sensor is not None:
+            signals, sensor = self.sensor.at(signals)
         rate = self.loop.command(self.loop.told(signals, state), state, jnp.int32(0))
         sampled = None if self.loop.observer is None else (zero, Sample.of(signals))
-        return SampledState(state, (rate,) * (self.delay + 1), sampled)
-
-    def _measured(self, time, state: LoopState) -> Signals:
-        signals = self.loop.measured(time, state)
-        return signals if self.sensor is None else self.sensor.measure(time, signals)
+        return SampledState(state, (rate,) * (self.delay + 1), sampled, sensor)
 
     def flow(self, time, state: SampledState, mode) -> SampledState:
         """d(state)/dt under the rate that acts."""
-        held = jax.tree.map(lambda _: None, state)
+        held = jax.tree.map(lambda _: None, state._replace(sensor=None))
+        if self.sensor is not None:
+            held = held._replace(sensor=self.sensor.flow(state.sensor, self.loop.measured(time, state.loop)))
         return held._replace(loop=self.loop.driven(time, state.loop, mode, state.rates[-1]))
 
     def guards(self, time, state: SampledState, mode):
@@ -288,7 +291,10 @@ class SampledLoop:
 
     def tick(self, time, state: SampledState, mode):
         """One pass of the control unit."""
-        signals, loop, sampled = self._measured(time, state.loop), state.loop, state.sampled
+        loop, sampled = state.loop, state.sampled
+        signals, sensor = self.loop.measured(time, loop), None
+        if self.sensor is not None:
+            signals, sensor = self.sensor.measure(signals, state.sensor)
         if sampled is not None:
             then, before = sampled
             sample = Sample.of(signals)
@@ -303,4 +309,4 @@ class SampledLoop:
         switched, phase = self.loop.switch(signals, loop, mode, slot)
         loop, mode = tree_where(fires, switched, loop), jnp.where(fires, phase, mode)
         rates = (self.loop.command(signals, loop, mode),) + state.rates[:-1]
-        return SampledState(loop, rates, sampled), mode
+        return SampledState(loop, rates, sampled, sensor), mode

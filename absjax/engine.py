@@ -181,17 +181,19 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
 
     # Scalars shared by all lanes are spread over them: their derivatives then add up lane by lane,
     # and are summed once.
-    def spread(leaf):
-        return jnp.broadcast_to(leaf, (lanes,)) if jnp.ndim(leaf) == 0 else leaf
+    def spread(leaf, shared):
+        return jnp.broadcast_to(leaf, (lanes, *jnp.shape(leaf))) if shared else leaf
 
-    axes = jax.tree.map(lambda axis, leaf: 0 if jnp.ndim(leaf) == 0 else axis, axes, system)
-    system, state, mode = jax.tree.map(spread, (system, state, mode))
+    shared = jax.tree.map(lambda leaf: jnp.ndim(leaf) == 0, system)
+    axes = jax.tree.map(lambda axis, scalar: 0 if scalar else axis, axes, shared)
+    system = jax.tree.map(spread, system, shared)
+    state, mode = jax.tree.map(lambda leaf, axis: spread(leaf, axis < 0), (state, mode), lane_axes((state, mode)))
 
     smooth = not jax.eval_shape(lambda: _one_lane_guards(system, axes, state, grid))
     iterations = steps if smooth else steps + 5 * max_events
     length = min(SEGMENT, iterations)
     segments = -(-iterations // length)
-    words = len(jax.tree.leaves(state)) + 4
+    words = sum(leaf.size for leaf in jax.tree.leaves(state)) // lanes + 4
     if checkpoint is None:
         checkpoint = lanes * iterations * words * grid.step.dtype.itemsize > RECORD_BYTES
     plan = Plan(segments, length, bool(save_every or save_switches), bool(checkpoint))

@@ -20,7 +20,8 @@ class HybridSystem(Protocol):
     """What a system offers to the rollout engine. Everything is per lane and scalar; the engine vmaps.
 
     A system is a pytree whose array leaves are its parameters; `state` is a pytree of float scalars
-    (a NamedTuple, as a rule), `mode` an int32 scalar.
+    (a NamedTuple, as a rule), `mode` an int32 scalar. What only ticks change may be float arrays, in a class
+    made by `absjax.parameters.model`, which declares their axes.
 
     `guards` returns one value per *slot*. A slot fires when its value rises through zero; a slot that
     is not used in the current mode returns a negative constant. The number of slots is the same in

@@ -42,7 +42,7 @@ def parameter(
     ndim: int = 0,
     trainable: bool = False,
 ) -> Any:
-    """Declare a field that is a pytree leaf.
+    """Declare a field that is a pytree leaf: a parameter, or a state of more axes than a scalar.
 
     Args:
         doc: one line: symbol, unit, and shape where it is not a scalar.

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 
 from absjax import _lanes
 from absjax._lanes import Grid, Lanes
+from absjax._numerics import tree_where
 from absjax._scan import Record
 
 UNUSED = -9
@@ -44,7 +45,7 @@ def collect(grid: Grid, steps: int, start, lane: Lanes, records: Record, save_ev
         end_time = _lanes.time_of(grid, lane)
 
         def series(first, path, last):
-            return jnp.concatenate([first[None], jnp.where(valid, path[at], last)])
+            return jnp.concatenate([first[None], tree_where(valid, path[at], jnp.broadcast_to(last, path[at].shape))])
 
         trajectory = Trajectory(
             series(grid.start, clock, end_time),

@@ -1,4 +1,6 @@
-"""What a control unit measures instead of the truth: noise on the acceleration offset, and a radius that is off.
+"""What a control unit measures instead of the truth.
+
+`NoisySensor` has noise on the acceleration offset, and a radius that is off:
 
     y = (R^ / R) (x2 + v') - v' + sigma n(tick),  n white and normal
 
@@ -6,13 +8,33 @@ with R^ the radius the unit takes the wheel to have. Reproducible: the noise of 
 """
 
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import jax
 import jax.numpy as jnp
 
 from absjax.parameters import model, parameter
 from absjax.vehicle import Signals
+
+
+class Sensor(Protocol):
+    """The sensors of `absjax.closed_loop.SampledLoop`. Scalars per lane."""
+
+    def at(self, signals: Signals) -> tuple[Signals, Any]:
+        """The signals as measured when the manoeuvre begins, the wheel having rolled as it does then, and the state.
+
+        Of one lane, or of many: arrays with a leading axis.
+        """
+        ...
+
+    def flow(self, state, signals: Signals) -> Any:
+        """d(state)/dt, with None in the place of what only samples change."""
+        ...
+
+    def measure(self, signals: Signals, state) -> tuple[Signals, Any]:
+        """The signals as measured at a sample, and the state after it."""
+        ...
+
 
 CLOCK = 1e-6
 """Instants closer than this get the same noise, s."""
@@ -24,17 +46,25 @@ def _normal(seed, tick, dtype):
 
 @model
 class NoisySensor:
-    """The sensor of `absjax.closed_loop.SampledLoop`."""
+    """The true signals but for white noise and a wrong radius. It has no state."""
 
     noise: Any = parameter("sigma, standard deviation of a sample of x2, m/s^2", default=0.0, low=0.0)
     radius: Any = parameter("R^, m; None: the true one", default=None, low=0.0, open_low=True)
     seed: Any = parameter("of the noise, an integer", default=0, low=0.0)
 
-    def measure(self, time, signals: Signals) -> Signals:
-        """The signals as measured at `time` [s]."""
+    def at(self, signals: Signals) -> tuple[Signals, tuple[()]]:
+        """The signals as measured."""
+        return self.measure(signals, ())
+
+    def flow(self, state, signals: Signals) -> tuple[()]:
+        """Nothing."""
+        return ()
+
+    def measure(self, signals: Signals, state) -> tuple[Signals, tuple[()]]:
+        """The signals as measured."""
         x2, brakes = signals.acceleration_offset, signals.vehicle_acceleration
         known = signals.radius if self.radius is None else self.radius
-        tick = jnp.round(jnp.asarray(time) / CLOCK).astype(jnp.int32)
+        tick = jnp.round(jnp.asarray(signals.time) / CLOCK).astype(jnp.int32)
         noise = jnp.vectorize(partial(_normal, dtype=jnp.asarray(x2).dtype))(self.seed, tick)
         offset = known / signals.radius * (x2 + brakes) - brakes + self.noise * noise
-        return signals._replace(acceleration_offset=offset, radius=known)
+        return signals._replace(acceleration_offset=offset, radius=known), state
