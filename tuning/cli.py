@@ -2,9 +2,7 @@
 
 import contextlib
 import os
-import sys
 import time
-from collections.abc import Iterator
 from importlib import resources
 from pathlib import Path
 from typing import Annotated
@@ -12,11 +10,10 @@ from typing import Annotated
 import jax
 import matplotlib
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from tuning.terminal import bar, clear_errors, console, print_report, print_study
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__, pretty_exceptions_enable=False)
-console = Console(width=None if sys.stdout.isatty() else 140)
 Out = Annotated[Path, typer.Option("--out", help="Folder for results and figures; made if missing.")]
 
 
@@ -27,40 +24,6 @@ def _setup() -> None:
     jax.config.update("jax_enable_x64", True)
     with contextlib.suppress(RuntimeError):
         jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
-
-
-@contextlib.contextmanager
-def _clear_errors() -> Iterator[None]:
-    """What the user can mend is said in a line, without a traceback."""
-    try:
-        yield
-    except (ValueError, OSError) as error:
-        console.print(f"[red]error:[/red] {error}", highlight=False, soft_wrap=True)
-        raise typer.Exit(2) from None
-
-
-@contextlib.contextmanager
-def _bar(label: str):
-    """A progress callback (done, total, cost): a bar on a terminal, a line now and then elsewhere."""
-    if console.is_terminal:
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TimeElapsedColumn(),
-            TextColumn("worst {task.fields[cost]:.4f}"),
-        )
-        with Progress(*columns, console=console) as progress:
-            task = progress.add_task(label, total=None, cost=float("nan"))
-            yield lambda done, total, cost: progress.update(task, completed=done, total=total, cost=cost)
-        return
-    begun = time.monotonic()
-    console.print(f"{label} ...")
-
-    def line(done: int, total: int, cost: float) -> None:
-        if done == 1 or done % max(1, total // 8) == 0:
-            console.print(f"  {done}/{total}  cost {cost:.4f}  {time.monotonic() - begun:.0f} s")
-
-    yield line
 
 
 @app.command()
@@ -80,7 +43,7 @@ def identify(
     Without --car, a JSON file of the log's name beside it is taken for the car if there is one, and the
     default wheel if not.
     """
-    with _clear_errors():
+    with clear_errors():
         _identify(log, out, columns, car, load, start, end)
 
 
@@ -120,7 +83,7 @@ def tune_abs(
     out: Out,
 ) -> None:
     """An anti-lock controller, for a batch of roads and speeds, with its limit cycles: result.json and figures."""
-    with _clear_errors():
+    with clear_errors():
         from tuning.config import TuningConfig
         from tuning.files import read_json
 
@@ -136,7 +99,7 @@ def _tune(config, out: Path, title: str):
     from tuning.tune_abs import tune_abs as run
     from tuning.tuning_figures import tuning_figures
 
-    with _bar(f"{title}: {config.iterations} iterations, {config.starts} starts") as progress:
+    with bar(f"{title}: {config.iterations} iterations, {config.starts} starts") as progress:
         result = run(config, progress=progress)
     console.print(tuning_table(result, title))
     console.print(parameter_line(result), highlight=False)
@@ -153,10 +116,10 @@ def abs_study(
     out: Out, stops: Annotated[int, typer.Option(min=20, help="Scattered stops of each controller.")] = 2000
 ) -> None:
     """All controllers: limit cycles, the published table of distances, further roads, robustness; with figures."""
-    with _clear_errors():
+    with clear_errors():
         from tuning.abs_tasks import run_study
 
-        _print_study(run_study(out, stops), out)
+        print_study(run_study(out, stops), out)
 
 
 @app.command("tune-observer")
@@ -179,7 +142,7 @@ def tune_observer(
     ] = None,
 ) -> None:
     """Gains of an observer of XBS with their certificate: result.json and figures."""
-    with _clear_errors():
+    with clear_errors():
         from tuning.files import read_json
         from tuning.observer_config import ObserverConfig
         from tuning.observer_tasks import tune, tune_on_log
@@ -190,46 +153,28 @@ def tune_observer(
         if observer is not None and isinstance(data, dict):
             data = {**data, "observer": observer}
         wanted = ObserverConfig.from_json(data)
-        with _bar(f"{wanted.observer} observer: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
+        with bar(f"{wanted.observer} observer: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
             if log is None:
                 report = tune(wanted, out, progress)
             else:
                 report = tune_on_log(wanted, log, columns, car, out, progress)
-        _print_report(report)
+        print_report(report)
 
 
 @app.command("observer-study")
 def observer_study(out: Out) -> None:
     """Published gains against tuned: settling, noise, wrong speed, a rig log, tracking; tables and figures."""
-    with _clear_errors():
+    with clear_errors():
         from tuning.observer_tasks import study
 
-        _print_study(study(out), out)
-
-
-def _print_study(reports, out: Path) -> None:
-    begun = time.monotonic()
-    for report in reports:
-        _print_report(report)
-    console.print(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/", highlight=False)
-
-
-def _print_report(report) -> None:
-    from tuning.report import rows_table
-
-    for title, rows in report.tables.items():
-        console.print(rows_table(rows, title))
-    for line in report.lines:
-        console.print(line, highlight=False)
-    if report.files:
-        console.print("written: " + ", ".join(map(str, report.files)), highlight=False, soft_wrap=True)
+        print_study(study(out), out)
 
 
 @app.command()
 def demo(out: Out = Path("demo")) -> None:
     """Identify a road from the log shipped here, then tune the five-phase thresholds of the published table."""
     begun = time.monotonic()
-    with _clear_errors():
+    with clear_errors():
         from tuning.demo import PUBLISHED_SETTING, limit_costs, limited
 
         with resources.as_file(resources.files("tuning") / "data") as data:
@@ -240,7 +185,7 @@ def demo(out: Out = Path("demo")) -> None:
         console.rule("3  thresholds with rate limit, brake lag and a floor")
         result = _tune(limited(), out / "limited", "750 bar/s, 5 ms, thresholds >= 10 m/s^2")
         console.rule("4  what each limit costs")
-        with _bar("tuned under one limit at a time") as progress:
+        with bar("tuned under one limit at a time") as progress:
             table = limit_costs(result, free, progress)
         console.print(table)
     console.print(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/", highlight=False)

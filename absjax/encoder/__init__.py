@@ -1,1 +1,1 @@
-"""Wheel speed and acceleration from an incremental encoder: teeth, time stamps, and what undoes the encoder's errors."""
+"""Wheel speed and acceleration from an incremental encoder: teeth, time stamps, compensation of its errors."""

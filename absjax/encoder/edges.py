@@ -16,7 +16,7 @@ from jax import lax
 from absjax._numerics import safe_divide
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.rotation import Rotation, hermite
-from absjax.parameters import concrete
+from absjax.parameters import concrete, lane_axes
 
 TOLERANCE = 1e-14
 """Angle to which an edge is located, as a share of what the wheel turns in a sample; or rounding, if larger."""
@@ -121,6 +121,14 @@ def _bracketed(terms, target, wanted):
 
 @partial(jax.jit, static_argnames="capacity")
 def _edges(encoder: Encoder, rotation: Rotation, period, capacity: int) -> Edges:
+    axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(encoder))
+    over = 0 if rotation.angle.ndim == 2 else None
+    if over is None and not jax.tree.leaves(axes):
+        return _edges_of_one(encoder, rotation, period, capacity)
+    return jax.vmap(partial(_edges_of_one, period=period, capacity=capacity), in_axes=(axes, over))(encoder, rotation)
+
+
+def _edges_of_one(encoder: Encoder, rotation: Rotation, period, capacity: int) -> Edges:
     def body(carry, now):
         place, angle = carry
         after = now._replace(angle=place.rotation.angle + (now.angle - angle))
@@ -135,16 +143,16 @@ def _edges(encoder: Encoder, rotation: Rotation, period, capacity: int) -> Edges
 
 
 def edges_of(encoder: Encoder, rotation: Rotation, period, capacity: int | None = None) -> Edges:
-    """Edges of an encoder on a wheel that turns as told, sample by sample; to be vmapped over encoders.
+    """Edges of an encoder on a wheel that turns as told, sample by sample; or of many.
 
     Args:
-        encoder: the encoder.
-        rotation: arrays (samples,), every `period` s; the first sample has no edges.
+        encoder: the encoder; leaves with a leading axis count lanes.
+        rotation: arrays (samples,) or (lanes, samples), every `period` s; the first sample has no edges.
         period: time between samples [s].
         capacity: most edges between two samples; what the rotation needs when None, then it must be known.
 
     Returns:
-        Edges, ages (samples, capacity) in s. Differentiable with respect to encoder and rotation.
+        Edges, ages (samples, capacity) in s, or the same after an axis of lanes. Differentiable with respect to encoder and rotation.
 
     Raises:
         ValueError: if the wheel turns backwards, or faster than the capacity allows for.
@@ -182,7 +190,8 @@ def pack(stamps: np.ndarray, period: int, capacity: int | None = None) -> tuple[
         Edges, ages (samples, capacity) in ticks, int32; and the instants of the samples, ticks.
 
     Raises:
-        ValueError: if the stamps are not integers that increase, or more edges than the capacity fall between two samples.
+        ValueError: if the stamps are not integers that increase, or more edges fall between two samples than the
+            capacity allows for.
     """
     stamps = np.asarray(stamps)
     if stamps.ndim != 1 or not np.issubdtype(stamps.dtype, np.integer) or stamps.size == 0:

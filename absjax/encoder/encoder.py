@@ -36,9 +36,7 @@ class Encoder:
     jitter: Any = parameter(
         "standard deviation of what does not repeat, encoder cycles; None: nothing", default=None, low=0.0, high=0.1
     )
-    missing: Any = parameter(
-        "share of the edges that are not seen; None: all are", default=None, low=0.0, high=1.0
-    )
+    missing: Any = parameter("share of the edges that are not seen; None: all are", default=None, low=0.0, high=1.0)
     seed: Any = parameter("of jitter and missing edges, an integer", default=0, low=0.0)
 
     def __post_init__(self):
@@ -52,7 +50,12 @@ class Encoder:
 
     @classmethod
     def random(
-        cls, seed: int | Sequence[int], teeth: int = 60, tolerance: float = 0.004, eccentricity: Any = 1.6e-4, **other: Any
+        cls,
+        seed: int | Sequence[int],
+        teeth: int = 60,
+        tolerance: float = 0.004,
+        eccentricity: Any = 1.6e-4,
+        **other: Any,
     ) -> "Encoder":
         """An encoder drawn from a seed, or one for each seed of a sequence as lanes.
 

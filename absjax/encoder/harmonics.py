@@ -11,7 +11,9 @@ Fourier coefficients ϑ of the error,
 each signal with coefficients of its own. Signal and regressor pass the same high-pass filter, which leaves
 zeta = x' ϑ; ϑ follows by normalised recursive least squares with forgetting, exactly for samples held over Ts,
 
-    m2 = 1 + kappa x'x,   d = m2 + Ts x'G x,   ϑ+ = ϑ + (Ts / d) G x (zeta - x'ϑ),   G+ = e^(beta Ts) (G - (Ts / d) G x x' G)
+    d = 1 + kappa x'x + Ts x'G x
+    ϑ+ = ϑ + (Ts / d) G x (zeta - x'ϑ)
+    G+ = e^(beta Ts) (G - (Ts / d) G x x' G)
 
 and the estimate is the measured signal less Phi' ϑ, Phi not filtered. Computed on the scale of k^p ϑ, p = 1 for the
 speed, 2 for the acceleration, on which every harmonic is alike.
@@ -93,9 +95,8 @@ class HarmonicCompensation:
         """Nothing learned: ϑ = 0, G = G0."""
         zero, size = jnp.zeros((), dtype), 2 * self.harmonics
         covariance = jnp.diag(jnp.asarray(self._initial(dtype), dtype))
-        return Learned(
-            jnp.zeros(size, dtype), covariance, jnp.zeros(2, dtype), jnp.zeros((2, size), dtype), jnp.zeros(2, dtype), zero
-        )
+        pair = jnp.zeros(2, dtype)
+        return Learned(jnp.zeros(size, dtype), covariance, pair, jnp.zeros((2, size), dtype), pair, zero)
 
     def coefficients(self, learned: Learned) -> jax.Array:
         """ϑ, ordered a1, b1, a2, b2, ... [rad]."""

@@ -4,7 +4,8 @@ With the stamps shifted and scaled to the unit interval, s = (t - t_oldest) / (t
 n edges are fitted by a polynomial of order m in s; its derivatives at the time of the sample are w and w'. The fit is
 by polynomials orthogonal over the n stamps (Forsythe's recurrence), so no system of equations is solved:
 
-    p_0 = 1,   p_{j+1}(s) = (s - a_j) p_j(s) - b_j p_{j-1}(s),   a_j = <s p_j, p_j> / <p_j, p_j>,   b_j = <p_j, p_j> / <p_{j-1}, p_{j-1}>
+    p_0 = 1,   p_{j+1}(s) = (s - a_j) p_j(s) - b_j p_{j-1}(s)
+    a_j = <s p_j, p_j> / <p_j, p_j>,   b_j = <p_j, p_j> / <p_{j-1}, p_{j-1}>
 
 Only the times between edges and the age of the newest are kept: they do not grow, and may be integer clock ticks.
 Source: Aguado-Rojas 2019, section 5.2 and appendix C; Forsythe 1957 for the recurrence.
@@ -77,7 +78,11 @@ class TimeStamping:
     standstill: Any = parameter("longest time between edges of a turning wheel, s", default=0.5, low=0.0, open_low=True)
 
     def __post_init__(self):
-        for name, value, least in (("teeth", self.teeth, 3), ("order", self.order, 2), ("events", self.events, self.order + 1)):
+        for name, value, least in (
+            ("teeth", self.teeth, 3),
+            ("order", self.order, 2),
+            ("events", self.events, self.order + 1),
+        ):
             if value != int(value) or value < least:
                 raise ValueError(f"TimeStamping.{name} = {value} must be an integer >= {least}")
 
@@ -216,4 +221,3 @@ def _fit(s, y, counts, now, order: int) -> tuple[jax.Array, jax.Array, jax.Array
 
 def _longest(dtype):
     return LONGEST_TICKS if jnp.issubdtype(dtype, jnp.integer) else LONGEST_SECONDS
-

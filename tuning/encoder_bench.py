@@ -1,0 +1,117 @@
+"""Edges of simulated encoders on wheels that turn in known ways, and the errors a chain makes on them.
+
+The two references of Aguado-Rojas 2019, Table 6.1: constant speed, 1020 rpm, and a varying one, of which the source
+does not say how; here levels between 30 and 107 rad/s, held for 1 s and joined in 1.5 s, at up to 96 rad/s^2.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from absjax.encoder.edges import Edges, edges_of
+from absjax.encoder.encoder import Encoder
+from absjax.encoder.harmonics import HarmonicCompensation
+from absjax.encoder.notch import NotchFilter
+from absjax.encoder.rotation import Rotation
+from absjax.encoder.time_stamping import TimeStamping
+from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
+
+PERIOD = 1e-3
+"""Between the samples of the control unit, s."""
+RPM = 2 * np.pi / 60
+LEVELS = (107.0, 40.0, 80.0, 30.0, 107.0, 60.0, 90.0, 50.0)
+"""Speeds of the varying reference, rad/s."""
+HELD, JOINED = 1.0, 1.5
+"""Time for which a level is held, and from one to the next, s."""
+REFERENCES = ("constant", "varying")
+SIGNALS = ("speed", "acceleration")
+
+
+def reference(name: str, duration: float, rpm: float = 1020.0) -> Rotation:
+    """How the wheel turns, arrays (samples,): `constant` at a speed [1/min], or `varying`.
+
+    Raises:
+        ValueError: if there is no such reference.
+    """
+    time = PERIOD * np.arange(round(duration / PERIOD))
+    if name == "constant":
+        return Rotation.of_speed(np.full(time.size, rpm * RPM), np.zeros(time.size), PERIOD)
+    if name != "varying":
+        raise ValueError(f"reference {name!r} is unknown; there are {', '.join(REFERENCES)}")
+    turn = (time // (HELD + JOINED)).astype(int)
+    share = np.clip((time - turn * (HELD + JOINED) - HELD) / JOINED, 0.0, 1.0)
+    low, high = (np.take(LEVELS, (turn + i) % len(LEVELS)) for i in (0, 1))
+    speed = low + (high - low) * share**3 * (10 + share * (-15 + 6 * share))
+    return Rotation.of_speed(speed, (high - low) * 30 * share**2 * (1 - share) ** 2 / JOINED, PERIOD)
+
+
+class Bench(NamedTuple):
+    """Edges of encoders under a reference, and the truth."""
+
+    edges: Edges
+    """(encoders, samples, capacity), ages in s"""
+    truth: Rotation
+    """(samples,)"""
+    counts: jax.Array
+    """samples on which errors count, bool (samples,)"""
+
+    def errors(self, chain: WheelSpeedChain) -> tuple[jax.Array, jax.Array]:
+        """Rms error of speed [rad/s] and acceleration [rad/s^2] of each encoder, (encoders,); traceable."""
+        found, _ = estimate(chain, self.edges, PERIOD)
+        return tuple(
+            jnp.sqrt(jnp.mean((getattr(found, s) - getattr(self.truth, s)) ** 2, axis=-1, where=self.counts))
+            for s in SIGNALS
+        )
+
+
+def bench_of(encoder: Encoder, name: str, duration: float, settle: float) -> Bench:
+    """Encoders (lanes) under a reference; errors count from `settle` [s] on."""
+    rotation = reference(name, duration)
+    time = PERIOD * np.arange(rotation.speed.size)
+    return Bench(edges_of(encoder, rotation, PERIOD), rotation, jnp.asarray(time >= settle))
+
+
+def least_harmonics(teeth: int, events: int) -> int:
+    """M of the source, ceil(N / n) + 1."""
+    return int(np.ceil(teeth / events)) + 1
+
+
+def enough_harmonics(teeth: int, events: int) -> int:
+    """M from which on the residual flattens, ceil(1.5 N / n)."""
+    return int(np.ceil(1.5 * teeth / events))
+
+
+def measured_chain(teeth: int = 60, events: int = 15) -> WheelSpeedChain:
+    """Time-stamping alone."""
+    return WheelSpeedChain(TimeStamping(teeth, events))
+
+
+def notch_chain(teeth: int = 60, events: int = 15) -> WheelSpeedChain:
+    """With the notch filters of the source, of damping 0.5."""
+    return WheelSpeedChain(TimeStamping(teeth, events), NotchFilter("speed"), NotchFilter("acceleration"))
+
+
+def published_chain(teeth: int = 60, events: int = 15, harmonics: int | None = None) -> WheelSpeedChain:
+    """The compensation as the source sets it: regressors not filtered, beta = 0.1, 1 Hz, M = ceil(N / n) + 1."""
+    harmonics = least_harmonics(teeth, events) if harmonics is None else harmonics
+    parts = (HarmonicCompensation(s, harmonics, filter_regressor=False, cutoff=1.0) for s in SIGNALS)
+    return WheelSpeedChain(TimeStamping(teeth, events), *parts)
+
+
+def filtered_chain(teeth: int = 60, events: int = 15, harmonics: int | None = None) -> WheelSpeedChain:
+    """The compensation with filtered regressors, M = ceil(1.5 N / n)."""
+    harmonics = enough_harmonics(teeth, events) if harmonics is None else harmonics
+    return WheelSpeedChain(TimeStamping(teeth, events), *(HarmonicCompensation(s, harmonics) for s in SIGNALS))
+
+
+@jax.jit
+def _errors(bench: Bench, chain: WheelSpeedChain):
+    return bench.errors(chain)
+
+
+def mean_errors(bench: Bench, chain: WheelSpeedChain) -> tuple[float, float]:
+    """Rms error of speed [rad/s] and acceleration [rad/s^2], mean over the encoders."""
+    speed, acceleration = _errors(bench, chain)
+    return float(speed.mean()), float(acceleration.mean())
