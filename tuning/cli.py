@@ -1,4 +1,4 @@
-"""The command line: `python -m tuning demo | identify | tune-abs | abs-study | tune-observer | observer-study`."""
+"""The command line: identify a road, tune anti-lock control, observers, the encoder chain, and study each."""
 
 import contextlib
 import os
@@ -85,12 +85,18 @@ def tune_abs(
     """An anti-lock controller, for a batch of roads and speeds, with its limit cycles: result.json and figures."""
     with clear_errors():
         from tuning.config import TuningConfig
-        from tuning.files import read_json
 
-        data = read_json(config)
-        if isinstance(data, dict) and "parameters" in data and "config" in data:
-            data = {**data["config"], "start": data["parameters"]}
-        _tune(TuningConfig.from_json(data), out, "tuned thresholds")
+        _tune(TuningConfig.from_json(_configuration(config)), out, "tuned thresholds")
+
+
+def _configuration(path: Path | None):
+    """What a configuration file holds, nothing without one; a result goes on from its parameters."""
+    from tuning.files import read_json
+
+    data = {} if path is None else read_json(path)
+    if isinstance(data, dict) and "parameters" in data and "config" in data:
+        data = {**data["config"], "start": data["parameters"]}
+    return data
 
 
 def _tune(config, out: Path, title: str):
@@ -143,13 +149,10 @@ def tune_observer(
 ) -> None:
     """Gains of an observer of XBS with their certificate: result.json and figures."""
     with clear_errors():
-        from tuning.files import read_json
         from tuning.observer_config import ObserverConfig
         from tuning.observer_tasks import tune, tune_on_log
 
-        data = {} if config is None else read_json(config)
-        if isinstance(data, dict) and "parameters" in data and "config" in data:
-            data = {**data["config"], "start": data["parameters"]}
+        data = _configuration(config)
         if observer is not None and isinstance(data, dict):
             data = {**data, "observer": observer}
         wanted = ObserverConfig.from_json(data)
@@ -168,6 +171,58 @@ def observer_study(out: Out) -> None:
         from tuning.observer_tasks import study
 
         print_study(study(out), out)
+
+
+@app.command()
+def encoder(
+    log: Annotated[Path, typer.Argument(help="Edge times of an encoder, CSV with a header, a row an edge.")],
+    out: Out,
+    teeth: Annotated[int, typer.Option(help="Teeth (pulses in a revolution).")] = 60,
+    clock: Annotated[float, typer.Option(help="Length of a clock tick [s].")] = 1e-6,
+    column: Annotated[str, typer.Option(help="Column with the edge times, integer ticks.")] = "edge_tick",
+    period: Annotated[float, typer.Option(help="Sampling period of the control unit [s].")] = 1e-3,
+    events: Annotated[int, typer.Option(help="Edges in the fit, n.")] = 15,
+    harmonics: Annotated[int | None, typer.Option(help="Harmonics compensated, M; ceil(1.5 N / n) if missing.")] = None,
+    chain: Annotated[Path | None, typer.Option(help="A result of tune-encoder; overrides n and M.")] = None,
+) -> None:
+    """Wheel speed and acceleration from edge times, the encoder's errors taken off: CSV, result.json and figures."""
+    with clear_errors():
+        from tuning.edge_log import read_edges
+        from tuning.encoder_tasks import chain_for, study_edges
+
+        data = read_edges(log, teeth=teeth, clock=clock, column=column)
+        print_report(study_edges(data, out, chain_for(data, events, harmonics, chain), period))
+
+
+@app.command("tune-encoder")
+def tune_encoder(
+    out: Out,
+    config: Annotated[
+        Path | None, typer.Option(help="JSON, see `tuning.encoder_config.EncoderConfig`; or a result to go on from.")
+    ] = None,
+) -> None:
+    """The compensation of encoder errors, on simulated encoders: result.json and figures."""
+    with clear_errors():
+        from tuning.encoder_config import EncoderConfig
+        from tuning.encoder_tasks import tune
+
+        wanted = EncoderConfig.from_json(_configuration(config))
+        with bar(f"encoder chain: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
+            report = tune(wanted, out, progress)
+        print_report(report)
+
+
+@app.command("encoder-study")
+def encoder_study(
+    out: Out,
+    encoders: Annotated[int, typer.Option(min=1, help="Encoders in the loop.")] = 20,
+    hours: Annotated[float, typer.Option(min=0.001, help="Length of the endurance run.")] = 1.0,
+) -> None:
+    """The published table, other encoders, endurance, and the chain in the loop; tables and figures."""
+    with clear_errors():
+        from tuning.encoder_tasks import study
+
+        print_study(study(out, encoders, hours), out)
 
 
 @app.command()

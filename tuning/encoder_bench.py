@@ -1,7 +1,8 @@
 """Edges of simulated encoders on wheels that turn in known ways, and the errors a chain makes on them.
 
 The two references of Aguado-Rojas 2019, Table 6.1: constant speed, 1020 rpm, and a varying one, of which the source
-does not say how; here levels between 30 and 107 rad/s, held for 1 s and joined in 1.5 s, at up to 96 rad/s^2.
+does not say how; here levels between 30 and 107 rad/s, held for 1 s and joined in 1.5 s, at up to 96 rad/s^2. A third
+one rolls freely at 130 km/h, then brakes under five phases on dry concrete.
 """
 
 from typing import NamedTuple
@@ -17,29 +18,40 @@ from absjax.encoder.notch import NotchFilter
 from absjax.encoder.rotation import Rotation
 from absjax.encoder.time_stamping import TimeStamping
 from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
+from tuning.encoder_loop import braked_wheel
 
 PERIOD = 1e-3
 """Between the samples of the control unit, s."""
-RPM = 2 * np.pi / 60
+SPEED = 1020 * 2 * np.pi / 60
+"""Of the constant reference, rad/s."""
 LEVELS = (107.0, 40.0, 80.0, 30.0, 107.0, 60.0, 90.0, 50.0)
 """Speeds of the varying reference, rad/s."""
 HELD, JOINED = 1.0, 1.5
 """Time for which a level is held, and from one to the next, s."""
-REFERENCES = ("constant", "varying")
+REFERENCES = ("constant", "varying", "braking")
 SIGNALS = ("speed", "acceleration")
 
 
-def reference(name: str, duration: float, rpm: float = 1020.0) -> Rotation:
-    """How the wheel turns, arrays (samples,): `constant` at a speed [1/min], or `varying`.
+def reference(name: str, duration: float) -> Rotation:
+    """How the wheel turns, arrays (samples,), under one of `REFERENCES`; half of `braking` is before the brake.
 
     Raises:
         ValueError: if there is no such reference.
     """
     time = PERIOD * np.arange(round(duration / PERIOD))
     if name == "constant":
-        return Rotation.of_speed(np.full(time.size, rpm * RPM), np.zeros(time.size), PERIOD)
-    if name != "varying":
-        raise ValueError(f"reference {name!r} is unknown; there are {', '.join(REFERENCES)}")
+        return Rotation.of_speed(np.full(time.size, SPEED), np.zeros(time.size), PERIOD)
+    if name == "varying":
+        return _varying(time)
+    if name == "braking":
+        rolling = time.size // 2
+        speed, acceleration = braked_wheel(time.size - rolling)
+        speed = np.concatenate([np.full(rolling, speed[0]), speed])
+        return Rotation.of_speed(speed, np.concatenate([np.zeros(rolling), acceleration]), PERIOD)
+    raise ValueError(f"reference {name!r} is unknown; there are {', '.join(REFERENCES)}")
+
+
+def _varying(time: np.ndarray) -> Rotation:
     turn = (time // (HELD + JOINED)).astype(int)
     share = np.clip((time - turn * (HELD + JOINED) - HELD) / JOINED, 0.0, 1.0)
     low, high = (np.take(LEVELS, (turn + i) % len(LEVELS)) for i in (0, 1))

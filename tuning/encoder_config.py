@@ -47,7 +47,7 @@ class EncoderConfig(Entries):
     eccentricity: float = 1.6e-4
     jitter: float = 0.0
     clock: float | None = 1e-6
-    encoders: int = 8
+    encoders: int = 6
     held_out: int = 16
     references: tuple[str, ...] = REFERENCES
     duration: float = 4.0

@@ -124,7 +124,7 @@ def read_csv(
     """
     path = Path(path)
     wanted = {**COLUMNS, **_checked_signals(columns or {})}
-    table = _table(path)
+    table = read_table(path)
     signals = {}
     for signal, declared in wanted.items():
         column, _, unit = declared.partition(":")
@@ -153,7 +153,12 @@ def _inside(time, start, end):
     return (time >= (-np.inf if start is None else start)) & (time <= (np.inf if end is None else end))
 
 
-def _table(path: Path) -> pd.DataFrame:
+def read_table(path: Path) -> pd.DataFrame:
+    """A CSV file as it stands, every cell text.
+
+    Raises:
+        LogError: if there is no such file, or it is not a table with a header of distinct names and a row.
+    """
     if not path.is_file():
         raise LogError(f"{path}: no such file")
     try:

@@ -152,7 +152,8 @@ def edges_of(encoder: Encoder, rotation: Rotation, period, capacity: int | None 
         capacity: most edges between two samples; what the rotation needs when None, then it must be known.
 
     Returns:
-        Edges, ages (samples, capacity) in s, or the same after an axis of lanes. Differentiable with respect to encoder and rotation.
+        Edges, ages (samples, capacity) in s, or the same after an axis of lanes. Differentiable with respect to encoder
+        and rotation.
 
     Raises:
         ValueError: if the wheel turns backwards, or faster than the capacity allows for.

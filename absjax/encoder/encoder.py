@@ -90,10 +90,10 @@ class Encoder:
 
         Args:
             tooth: k in [0, N), integers of any shape.
-            passing: number of the passing edge since the start, from which its jitter is drawn.
+            passing: number of the passing edge since the start, from which its jitter is drawn; None: without jitter.
         """
         place = tooth + self.deviation[tooth]
-        if self.jitter is not None:
+        if self.jitter is not None and passing is not None:
             place = place + self.jitter * _draw(jax.random.normal, self.seed, 0, passing, place.dtype)
         place = self.pitch * place
         share, angle = self.eccentricity / self.track_radius, place

@@ -85,11 +85,12 @@ class HarmonicCompensation:
         return jnp.ones_like(orders) if self.active is None else (orders <= self.active).astype(dtype)
 
     def _weights(self, dtype):
-        """k^(2 p), 0 for the harmonics that are not used."""
+        """k^(2 p), for both coefficients of a harmonic; 0 for the harmonics that are not used."""
         return self._orders(dtype) ** (2 * POWER[self.signal]) * self._used(dtype)
 
     def _initial(self, dtype):
-        return self.gain * 2 * self.forgetting * jnp.sum(self._weights(dtype)) * self._used(dtype)
+        """k^p G0 k^p, its diagonal: g times the steady value 2 beta sum k^(2 p)."""
+        return self.gain * self.forgetting * jnp.sum(self._weights(dtype)) * self._used(dtype)
 
     def at(self, dtype) -> Learned:
         """Nothing learned: ϑ = 0, G = G0."""

@@ -75,8 +75,8 @@ class EncoderSensor:
             teeth = float(jnp.max(speed)) * self.period / self.encoder.pitch
             if teeth > self.capacity - 1:
                 raise ValueError(
-                    f"EncoderSensor.capacity = {self.capacity} edges between two samples; {int(np.ceil(teeth)) + 1} are "
-                    f"needed, {teeth:.3g} teeth pass at {float(jnp.max(speed)):.4g} rad/s"
+                    f"EncoderSensor.capacity = {self.capacity} edges between two samples; {int(np.ceil(teeth)) + 1} "
+                    f"are needed, {teeth:.3g} teeth pass at {float(jnp.max(speed)):.4g} rad/s"
                 )
         axes = lane_axes(self)
         lanes = [axis for axis in jax.tree.leaves(axes) if axis >= 0]

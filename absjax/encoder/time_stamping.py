@@ -27,6 +27,8 @@ LATE = 1.2
 """An edge is late when it has not come after so many times of the last one."""
 OVERDUE = 2.2
 """From so many times on it is not one that was missed: the wheel is slower."""
+FARTHEST = 2.0
+"""Teeth from the newest edge beyond which the polynomial is not believed."""
 LONGEST_TICKS = 2**30
 """Longest time that is told apart in integer clock ticks."""
 LONGEST_SECONDS = 1e6
@@ -168,7 +170,7 @@ class TimeStamping:
         speed = jnp.where(late, jnp.minimum(speed, bound), speed)
         overdue = enough & (waited > OVERDUE * usual)
         acceleration = jnp.where(overdue, -safe_divide(speed, waited, waited > 0), acceleration)
-        turned = jnp.where(enough, jnp.clip(place, 0.0, 1.0), 0.0)
+        turned = jnp.where(enough, jnp.clip(place, -FARTHEST, FARTHEST), 0.0)
         angle = self.pitch * ((stamps.tooth + turned) % self.teeth)
         valid = enough & (stamps.edges >= window)
         return Measured(Rotation(angle, speed, acceleration), valid, valid & ~late)

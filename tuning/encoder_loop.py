@@ -1,0 +1,116 @@
+"""The chain in the loop: a stop under five phases told what an encoder's edges tell, against one told the truth.
+
+Dry concrete from 130 km/h, thresholds 50, 30, 40, 20, 20 and 30 m/s^2 (Aguado-Rojas 2019, section 6.4). The pressure
+stays between 0 and what the driver gives. Stops end at 20 km/h: below, the last edges reach so far back that the
+wheel locks before the controller is told, on an encoder without errors too.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from absjax.actuator import Brake
+from absjax.closed_loop import ClosedLoop, SampledLoop
+from absjax.control.five_phase import FivePhase
+from absjax.encoder.encoder import Encoder
+from absjax.encoder.sensor import EncoderSensor
+from absjax.encoder.wheel_speed import WheelSpeedChain
+from absjax.manoeuvre import Outcome, Stop, stop
+from absjax.road import UniformRoad, surface
+from absjax.vehicle import QuarterCar, Signals, Wheel
+
+SPEED = 130 / 3.6
+"""m/s"""
+END_SPEED = 20 / 3.6
+"""m/s"""
+HORIZON = 8.0
+"""Longest time of a stop, s."""
+PERIOD = 1e-3
+"""Between the ticks of the control unit, s."""
+SETTLED = 0.3
+"""Time after the first switching from which excursions count, s."""
+STUCK = 1.0
+"""A cycle that lasts longer is counted as stuck, s."""
+
+
+def braking_loop(observer: Any = None) -> ClosedLoop:
+    """The loop of the study."""
+    car = QuarterCar(Wheel(), UniformRoad(surface("dry_concrete")))
+    return ClosedLoop(car, Brake(driver_pressure=150.0), FivePhase(), stop_speed=END_SPEED, observer=observer)
+
+
+class Course(NamedTuple):
+    """A stop and its course, arrays (lanes, samples)."""
+
+    stop: Stop
+    time: np.ndarray
+    signals: Signals
+    """the true ones"""
+    estimate: np.ndarray | None
+    """XBS as the observer estimates it; None without one"""
+    slip: np.ndarray
+    valid: np.ndarray
+
+    @property
+    def settled(self) -> np.ndarray:
+        """Samples on which excursions count."""
+        onset = np.asarray(self.stop.rollout.state.loop.memory.onset_time)
+        return self.valid & (self.time > onset[:, None] + SETTLED)
+
+
+def course(sensor: EncoderSensor | None, observer: Any = None, substeps: int = 1, horizon: float = HORIZON) -> Course:
+    """A stop from 130 km/h under a sensor; None tells the truth."""
+    loop = braking_loop(observer)
+    sampled = SampledLoop(loop, sensor, substeps=substeps)
+    result = stop(sampled, np.array([SPEED]) if sensor is None else SPEED, horizon=horizon, step=PERIOD, save_every=1)
+    trajectory = result.rollout.trajectory
+    time, state = np.asarray(trajectory.time), trajectory.state.loop
+    signals = jax.vmap(jax.vmap(loop.measured))(time, state)
+    estimate = None
+    if observer is not None:
+        estimate = np.asarray(observer.stiffness(state.observer, signals.acceleration_offset))
+    signals = jax.tree.map(np.asarray, signals)
+    slip = np.asarray(loop.plant.wheel.slip(signals.wheel_speed, signals.vehicle_speed))
+    return Course(result, time, signals, estimate, slip, np.asarray(trajectory.valid))
+
+
+def braked_wheel(samples: int) -> tuple[np.ndarray, np.ndarray]:
+    """Speed [rad/s] and acceleration [rad/s^2] of the wheel in the first samples of that stop, told the truth.
+
+    Raises:
+        ValueError: if the stop is shorter.
+    """
+    ideal = course(None)
+    if ideal.valid.sum() < samples:
+        raise ValueError(f"the stop has {ideal.valid.sum()} samples, {samples} are asked for")
+    signals = jax.tree.map(lambda x: x[0, :samples], ideal.signals)
+    return signals.wheel_speed, (signals.acceleration_offset + signals.vehicle_acceleration) / signals.radius
+
+
+def loop_row(label: str, found: Course) -> dict[str, Any]:
+    """What became of the stops under a sensor."""
+    stops, counts = found.stop, found.settled
+    slip, offset = (np.where(counts, x, np.nan) for x in (found.slip, found.signals.acceleration_offset))
+    distance, ideal = np.asarray(stops.equivalent_distance), float(np.min(stops.ideal_distance))
+    ended = np.asarray(stops.outcome) == Outcome.STOPPED
+
+    def over(values, statistic=np.mean):
+        return round(float(statistic(values)), 3)
+
+    row = {"told": label, "stops": int(distance.size), "do not end": int((~ended).sum())}
+    for name, statistic in (("shortest", np.min), ("mean", np.mean), ("longest", np.max)):
+        row[f"{name} [m]"] = round(float(statistic(distance[ended])), 2) if ended.any() else "-"
+    row["mean above ideal [%]"] = round(100 * (float(distance[ended].mean()) / ideal - 1), 2) if ended.any() else "-"
+    row["stuck"] = int((np.asarray(stops.longest_cycle) > STUCK).sum())
+    row["slip from"], row["slip to"] = over(np.nanmin(slip, axis=1)), over(np.nanmax(slip, axis=1))
+    row["x2 from"], row["x2 to"] = over(np.nanmin(offset, axis=1)), over(np.nanmax(offset, axis=1))
+    return row
+
+
+def sensors(encoder: Encoder, chains: dict[str, WheelSpeedChain]) -> dict[str, EncoderSensor]:
+    """The sensors of the study by what the controller is told: chains on the encoders, and one without errors."""
+    teeth = encoder.teeth
+    found = {label: EncoderSensor(encoder, chain) for label, chain in chains.items()}
+    blank = Encoder.ideal(teeth, phase=np.zeros(1))
+    return {"encoder without errors": EncoderSensor(blank, chains["as measured"]), **found}
