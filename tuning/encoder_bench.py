@@ -42,7 +42,10 @@ def reference(name: str, duration: float) -> Rotation:
     if name == "constant":
         return Rotation.of_speed(np.full(time.size, SPEED), np.zeros(time.size), PERIOD)
     if name == "varying":
-        return _varying(time)
+        turns = int(duration // (HELD + JOINED)) + 1
+        begins = (HELD + JOINED) * np.arange(turns + 1)
+        knots = np.stack([begins, begins + HELD], axis=1).ravel()
+        return joined(knots, np.repeat(np.resize(LEVELS, turns + 1), 2), duration)
     if name == "braking":
         rolling = time.size // 2
         speed, acceleration = braked_wheel(time.size - rolling)
@@ -51,12 +54,15 @@ def reference(name: str, duration: float) -> Rotation:
     raise ValueError(f"reference {name!r} is unknown; there are {', '.join(REFERENCES)}")
 
 
-def _varying(time: np.ndarray) -> Rotation:
-    turn = (time // (HELD + JOINED)).astype(int)
-    share = np.clip((time - turn * (HELD + JOINED) - HELD) / JOINED, 0.0, 1.0)
-    low, high = (np.take(LEVELS, (turn + i) % len(LEVELS)) for i in (0, 1))
-    speed = low + (high - low) * share**3 * (10 + share * (-15 + 6 * share))
-    return Rotation.of_speed(speed, (high - low) * 30 * share**2 * (1 - share) ** 2 / JOINED, PERIOD)
+def joined(instants, speeds, duration: float) -> Rotation:
+    """Speeds [rad/s] at instants [s], joined by quintic polynomials without acceleration at either end; held after."""
+    time = PERIOD * np.arange(round(duration / PERIOD))
+    instants, speeds = np.append(instants, np.inf), np.append(speeds, speeds[-1])
+    part = np.searchsorted(instants, time, side="right") - 1
+    length, rise = np.diff(instants)[part], np.diff(speeds)[part]
+    share = (time - instants[part]) / length
+    speed = speeds[part] + rise * share**3 * (10 + share * (-15 + 6 * share))
+    return Rotation.of_speed(speed, rise * 30 * share**2 * (1 - share) ** 2 / length, PERIOD)
 
 
 class Bench(NamedTuple):

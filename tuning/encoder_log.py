@@ -17,6 +17,9 @@ PER_REVOLUTION = 128
 MISSED = 1.6
 """An interval so many times those around it has an edge missing in it."""
 
+NORMAL = 1.4826
+"""Standard deviation of a normal distribution over its median deviation."""
+
 
 class ToothErrors(NamedTuple):
     """Where the edges of an encoder lie off their places, in encoder cycles."""
@@ -46,8 +49,11 @@ class ToothErrors(NamedTuple):
 
     @property
     def jitter(self) -> float:
-        """Standard deviation of what does not repeat from revolution to revolution, cycles."""
-        return float((self.error - self.mean[self.tooth]).std())
+        """Standard deviation of what does not repeat from revolution to revolution, cycles.
+
+        From the median deviation, since a changing speed adds to the errors of its revolutions.
+        """
+        return float(NORMAL * np.median(np.abs(self.error - self.mean[self.tooth])))
 
 
 class LogStudy(NamedTuple):

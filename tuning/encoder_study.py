@@ -21,6 +21,7 @@ from tuning.encoder_bench import (
     bench_of,
     enough_harmonics,
     filtered_chain,
+    joined,
     mean_errors,
     measured_chain,
     notch_chain,
@@ -102,15 +103,6 @@ def encoder_rows(seeds: int = 16) -> list[dict[str, Any]]:
     ]
 
 
-def _smooth(*levels: tuple[float, float]) -> Rotation:
-    """Speeds (s, rad/s) joined by straight lines."""
-    end = levels[-1][0]
-    time = PERIOD * np.arange(round(end / PERIOD))
-    at, speed = zip(*levels)
-    values = np.interp(time, at, speed)
-    return Rotation.of_speed(values, np.gradient(values, PERIOD), PERIOD)
-
-
 def _lock() -> Rotation:
     time = PERIOD * np.arange(8000)
     speed = np.where(time < 4.0, 100.0, 0.0)
@@ -120,14 +112,11 @@ def _lock() -> Rotation:
 def endurance_cases(hours: float = 1.0, standstill: float = 600.0) -> dict[str, tuple[Rotation, Encoder]]:
     """Long and hard runs: how the wheel turns, and the encoder on it."""
     encoder = Encoder.random(7, TEETH, clock=CLOCK)
-    long = reference("varying", hours * HOUR)
-    stands = _smooth(
-        (0, 80.0), (3, 80.0), (5, 0.0), (5 + standstill, 0.0), (8 + standstill, 80.0), (14 + standstill, 80.0)
-    )
-    fast = _smooth((0, 500 / 3.6 / 0.3), (6, 500 / 3.6 / 0.3))
-    steady = _smooth((0, 100.0), (8, 100.0))
+    stops = 5.0 + standstill
+    stands = joined([0.0, 3.0, 5.0, stops, stops + 3.0], [80.0, 80.0, 0.0, 0.0, 80.0], stops + 9.0)
+    steady, fast = (joined([0.0], [speed], 8.0) for speed in (100.0, 500 / 3.6 / 0.3))
     return {
-        f"{hours:g} h of varying speed": (long, encoder),
+        f"{hours:g} h of varying speed": (reference("varying", hours * HOUR), encoder),
         f"{standstill:g} s of standstill": (stands, encoder),
         "a sudden lock": (_lock(), encoder),
         "1 of 1000 edges missing": (steady, Encoder.random(7, TEETH, clock=CLOCK, missing=1e-3)),

@@ -21,6 +21,8 @@ from absjax.parameters import concrete, lane_axes
 TOLERANCE = 1e-14
 """Angle to which an edge is located, as a share of what the wheel turns in a sample; or rounding, if larger."""
 MOST_ITERATIONS = 60
+BACKWARDS = 1e-9
+"""What a wheel may turn backwards between two samples by rounding, rad; and its speed, rad/s."""
 
 
 class Edges(NamedTuple):
@@ -161,7 +163,7 @@ def edges_of(encoder: Encoder, rotation: Rotation, period, capacity: int | None 
     rotation = jax.tree.map(jnp.asarray, rotation)
     if all(map(concrete, rotation)):
         turned = np.diff(np.asarray(rotation.angle), axis=-1)
-        if turned.min() < 0 or np.min(rotation.speed) < 0:
+        if min(turned.min(), np.min(rotation.speed)) < -BACKWARDS:
             raise ValueError("the wheel turns backwards; an encoder with one channel cannot tell")
         needed = int(np.ceil(turned.max() / encoder.pitch + 1e-9)) + 1
         capacity = needed if capacity is None else capacity

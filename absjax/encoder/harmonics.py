@@ -46,7 +46,7 @@ class Learned:
     signal: Any = parameter("last signal, before and after the high-pass filter, shape (2,)", ndim=1)
     regressor: Any = parameter("last regressor, before and after it, shape (2, 2 M)", ndim=2)
     transient: Any = parameter("last acceleration, before and after it, shape (2,)", ndim=1)
-    begun: Any = parameter("1 if the last sample was valid")
+    begun: Any = parameter("1 if the last sample was regular; if not, the filters begin anew")
 
 
 @model
@@ -125,7 +125,7 @@ class HarmonicCompensation:
         transient = _high_pass(self.cutoff, learned.transient, measured.rotation.acceleration, begun, period)
         x = filtered[1] if self.filter_regressor else phi
 
-        weight = ((measured.rotation.speed > self.slowest) & measured.regular & begun).astype(value.dtype)
+        weight = ((measured.rotation.speed > self.slowest) & begun).astype(value.dtype)
         if self.gate is not None:
             weight = weight / (1 + ((transient[0] - transient[1]) / self.gate) ** GATE_ORDER)
         held = period * weight
@@ -138,7 +138,7 @@ class HarmonicCompensation:
         most, trace = jnp.sum(self._initial(value.dtype)), jnp.trace(covariance)
         covariance = covariance * jnp.minimum(1.0, safe_divide(most, trace, trace > most, 1.0))
         known = Learned(scaled, covariance, signal, filtered, transient, jnp.ones_like(value))
-        known = tree_where(measured.valid, known, dataclasses.replace(learned, begun=jnp.zeros_like(value)))
+        known = tree_where(measured.regular, known, dataclasses.replace(learned, begun=jnp.zeros_like(value)))
         return known, value - jnp.sum(phi * known.scaled)
 
 

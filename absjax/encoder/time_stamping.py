@@ -35,6 +35,12 @@ LONGEST_SECONDS = 1e6
 """The same in seconds, for ages that are not integers."""
 MOST_MISSED = 3
 """Most edges missed in a row that are recognised."""
+LONG = 1.5
+"""An interval so many times the one before may have had an edge missed in it."""
+ALIKE = 1.5
+"""Intervals within this factor are of a wheel that turns as before."""
+BOTH_WAYS = 1 / 6
+"""Share of the greatest deceleration that a wheel cannot slow down and speed up by, one after the other."""
 
 
 @model
@@ -56,7 +62,7 @@ class Measured(NamedTuple):
     valid: jax.Array
     """n edges have been seen since the wheel last stood"""
     regular: jax.Array
-    """and the next is not late"""
+    """and the next is not late, nor was the last: no edge seems to be missing"""
 
 
 @model
@@ -72,8 +78,8 @@ class TimeStamping:
     window: Any = parameter("n, of which only the newest so many edges are used; None: all", default=None, low=3.0)
     greatest_deceleration: Any = parameter(
         "of the wheel, rad/s^2; an edge that comes so late that it would have been exceeded was preceded by one that "
-        "was missed. None: no edge is missed",
-        default=5000.0,
+        "was missed. None: no edge is ever missed",
+        default=3000.0,
         low=0.0,
         open_low=True,
     )
@@ -124,6 +130,7 @@ class TimeStamping:
     def _push(self, stamps: Stamps, interval, tick) -> Stamps:
         dtype = stamps.edges.dtype
         waited = interval.astype(dtype) * tick
+        stamps = self._put_right(stamps, waited, tick)
         teeth = self._teeth_passed(stamps, waited, tick)
         stood = (waited > self.standstill) | (stamps.edges == 0)
         return Stamps(
@@ -139,13 +146,31 @@ class TimeStamping:
         one = jnp.ones_like(waited)
         if self.greatest_deceleration is None:
             return one
-        usual = stamps.intervals[0].astype(waited.dtype) * tick / stamps.teeth[0]
+        usual = _tooth_time(stamps, 0) * tick
         passed = jnp.round(safe_divide(waited, usual, usual > 0))
-        deceleration = safe_divide(
-            2 * self.pitch * (waited - usual), waited * usual * (waited + usual), (waited > 0) & (usual > 0)
-        )
         missed = (stamps.edges > 1) & (passed > 1) & (passed <= MOST_MISSED + 1)
-        return jnp.where(missed & (deceleration > self.greatest_deceleration), passed, one)
+        return jnp.where(missed & (self._deceleration(usual, waited) > self.greatest_deceleration), passed, one)
+
+    def _put_right(self, stamps: Stamps, waited, tick) -> Stamps:
+        """The stamps once the next edge is here: a long interval between two usual ones had edges missed in it.
+
+        A slow wheel might have stopped so fast; but not have started again as fast.
+        """
+        if self.greatest_deceleration is None:
+            return stamps
+        last, usual = (_tooth_time(stamps, i) * tick for i in (0, 1))
+        passed = jnp.round(safe_divide(2 * last, usual + waited, usual + waited > 0))
+        alike = jnp.maximum(usual, waited) < ALIKE * jnp.minimum(usual, waited)
+        rate = jnp.minimum(self._deceleration(usual, last), self._deceleration(waited, last))
+        missed = alike & (stamps.edges > 2) & (stamps.teeth[0] == 1) & (passed > 1) & (passed <= MOST_MISSED + 1)
+        more = jnp.where(missed & (rate > BOTH_WAYS * self.greatest_deceleration), passed - 1, 0.0)
+        tooth = (stamps.tooth + more) % self.teeth
+        return dataclasses.replace(stamps, teeth=stamps.teeth.at[0].add(more), tooth=tooth)
+
+    def _deceleration(self, before, after):
+        """From a speed of one tooth in `before` seconds to one in `after`."""
+        change = 2 * self.pitch * (after - before)
+        return safe_divide(change, before * after * (before + after), (before > 0) & (after > 0))
 
     def measure(self, stamps: Stamps, tick) -> Measured:
         """Angle, speed and acceleration at the sample; `tick` is the unit of the times [s]."""
@@ -163,17 +188,25 @@ class TimeStamping:
         speed = jnp.where(enough, jnp.maximum(slope, 0.0) * self.pitch / seconds, 0.0)
         acceleration = jnp.where(enough, curvature * self.pitch / seconds**2, 0.0)
 
-        # A wheel that has not shown its next tooth yet has turned by less than one.
-        usual = stamps.intervals[0].astype(dtype) * tick / stamps.teeth[0]
+        # A wheel that has not shown its next tooth yet has turned by less than one; unless the edge was missed, and
+        # no wheel slows down faster than it can.
+        usual = _tooth_time(stamps, 0) * tick
         bound = safe_divide(self.pitch, waited, waited > 0, jnp.inf)
         late = waited > LATE * usual
+        if self.greatest_deceleration is not None:
+            slowest = safe_divide(self.pitch, usual, usual > 0) - self.greatest_deceleration * waited
+            bound = jnp.maximum(bound, slowest)
         speed = jnp.where(late, jnp.minimum(speed, bound), speed)
+        falling = safe_divide(speed, waited, waited > 0)
+        if self.greatest_deceleration is not None:
+            falling = jnp.minimum(falling, self.greatest_deceleration)
         overdue = enough & (waited > OVERDUE * usual)
-        acceleration = jnp.where(overdue, -safe_divide(speed, waited, waited > 0), acceleration)
+        acceleration = jnp.where(overdue, -falling, acceleration)
         turned = jnp.where(enough, jnp.clip(place, -FARTHEST, FARTHEST), 0.0)
         angle = self.pitch * ((stamps.tooth + turned) % self.teeth)
         valid = enough & (stamps.edges >= window)
-        return Measured(Rotation(angle, speed, acceleration), valid, valid & ~late)
+        suspect = usual > LONG * _tooth_time(stamps, 1) * tick
+        return Measured(Rotation(angle, speed, acceleration), valid, valid & ~late & ~suspect)
 
 
 def unit_interval(intervals, teeth, counts, dtype) -> tuple[jax.Array, jax.Array, jax.Array]:
@@ -219,6 +252,11 @@ def _fit(s, y, counts, now, order: int) -> tuple[jax.Array, jax.Array, jax.Array
         at = ((now - a) * p0 - b * q0, p0 + (now - a) * p1 - b * q1, 2 * p1 + (now - a) * p2 - b * q2)
         square_before = square
     return value, slope, curvature
+
+
+def _tooth_time(stamps: Stamps, i: int):
+    """Time a tooth took in the interval `i`, newest first."""
+    return stamps.intervals[i].astype(stamps.edges.dtype) / stamps.teeth[i]
 
 
 def _longest(dtype):
