@@ -9,6 +9,12 @@ from absjax.control.slip import SlipControl
 from absjax.control.stiffness import StiffnessControl
 from absjax.control.tracking import AccelerationTracking
 from absjax.control.two_phase import TwoPhase
+from absjax.encoder.encoder import Encoder
+from absjax.encoder.harmonics import HarmonicCompensation
+from absjax.encoder.notch import NotchFilter
+from absjax.encoder.sensor import EncoderSensor
+from absjax.encoder.time_stamping import TimeStamping
+from absjax.encoder.wheel_speed import WheelSpeed, WheelSpeedChain
 from absjax.engine import Rollout, RolloutError, Status, rollout
 from absjax.hybrid import FINISHED, HybridSystem, Smooth, TickingSystem
 from absjax.manoeuvre import Outcome, Stop, stop
@@ -36,10 +42,14 @@ __all__ = [
     "Clamped",
     "ClosedLoop",
     "DriverBraking",
+    "Encoder",
+    "EncoderSensor",
     "ExponentialBasis",
     "FivePhase",
+    "HarmonicCompensation",
     "HybridSystem",
     "NoisySensor",
+    "NotchFilter",
     "Observation",
     "ObserverStatus",
     "Outcome",
@@ -56,9 +66,12 @@ __all__ = [
     "SwitchedObserver",
     "TestRig",
     "TickingSystem",
+    "TimeStamping",
     "TwoPhase",
     "UniformRoad",
     "Wheel",
+    "WheelSpeed",
+    "WheelSpeedChain",
     "certify",
     "constant_stiffness",
     "fit_exponential_basis",

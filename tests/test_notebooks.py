@@ -15,6 +15,7 @@ def test_there_are_notebooks():
         "road_from_a_log",
         "observers_and_gains",
         "limit_cycles_and_distances",
+        "edges_to_wheel_speed",
     }
 
 

@@ -133,7 +133,9 @@ class HarmonicCompensation:
         m2 = 1 + self.kappa * jnp.sum(self._weights(value.dtype) * x * x)
         step = held / (m2 + held * jnp.sum(x * gx))
         scaled = learned.scaled + step * gx * (signal[1] - jnp.sum(x * learned.scaled))
-        covariance = jnp.exp(self.forgetting * held) * (learned.covariance - step * gx[:, None] * gx[None, :])
+        # The outer product first: it is symmetric to the last bit, and what is not would grow with the forgetting.
+        taken = step * (gx[:, None] * gx[None, :])
+        covariance = jnp.exp(self.forgetting * held) * (learned.covariance - taken)
         # What is known never falls below what was at the start.
         most, trace = jnp.sum(self._initial(value.dtype)), jnp.trace(covariance)
         covariance = covariance * jnp.minimum(1.0, safe_divide(most, trace, trace > most, 1.0))

@@ -3,7 +3,6 @@
 One sample at a time (`absorb`), as in a control unit, or over a log (`estimate`); both are the same steps.
 """
 
-from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import jax
@@ -131,41 +130,19 @@ def estimate(
 
 @jax.jit
 def _estimate(chain, edges: Edges, period, tick, start):
+    def one(chain, edges, start):
+        first = chain.at(edges.ages.dtype, tick.dtype) if start is None else start
+        step = jax.checkpoint(lambda state, now: chain.absorb(state, now, period, tick), prevent_cse=False)
+        final, path = lax.scan(step, first, edges)
+        return path, final
+
+    many = edges.ages.ndim == 3
     axes = lane_axes(chain)
-    sizes = {jnp.shape(leaf)[0] for leaf, axis in zip(jax.tree.leaves(chain), jax.tree.leaves(axes)) if axis >= 0}
-    if edges.ages.ndim == 3:
-        sizes.add(edges.ages.shape[0])
+    sizes = {leaf.shape[0] for leaf, axis in zip(jax.tree.leaves(chain), jax.tree.leaves(axes)) if axis >= 0}
+    sizes |= {edges.ages.shape[0]} if many else set()
     if len(sizes) > 1:
         raise ValueError(f"chain and edges have {' and '.join(map(str, sorted(sizes)))} lanes; all must have one size")
-    # Lanes come last inside the scan: loops over them are what the compiler vectorises.
-    lanes = sizes.pop() if sizes else None
-    over = partial(jax.tree.map, lambda axis: None if axis < 0 else 0)
-    first = start
-    if first is None:
-        first = chain_start(chain, axes, lanes, edges.ages.dtype, tick.dtype)
-    elif lanes is not None:
-        first = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1), first)
-    if lanes is None:
-        step = lambda state, now: chain.absorb(state, now, period, tick)  # noqa: E731
-        sequence = edges
-    else:
-        many = edges.ages.ndim == 3
-        sequence = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1), edges) if many else edges
-        mapped = jax.vmap(
-            lambda chain, state, now: chain.absorb(state, now, period, tick),
-            in_axes=(over(axes), -1, -1 if many else None),
-            out_axes=-1,
-        )
-        step = partial(mapped, chain)
-    final, path = lax.scan(jax.checkpoint(step, prevent_cse=False), first, sequence)
-    if lanes is not None:
-        path, final = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, -1, 0), (path, final))
-    return path, final
-
-
-def chain_start(chain, axes, lanes, times, dtype):
-    """State of every lane before any edge, lanes last."""
-    if lanes is None:
-        return chain.at(times, dtype)
+    if not sizes:
+        return one(chain, edges, start)
     over = jax.tree.map(lambda axis: None if axis < 0 else 0, axes)
-    return jax.vmap(lambda chain: chain.at(times, dtype), in_axes=(over,), out_axes=-1, axis_size=lanes)(chain)
+    return jax.vmap(one, in_axes=(over, 0 if many else None, None if start is None else 0))(chain, edges, start)

@@ -147,6 +147,45 @@ def stops_against_numba() -> None:
     )
 
 
+def encoder_chain_against_numpy(encoders: int = 256, samples: int = 1000) -> None:
+    import jax.numpy as jnp
+
+    from absjax import Encoder, HarmonicCompensation, TimeStamping, WheelSpeedChain
+    from absjax.encoder.edges import edges_of
+    from absjax.encoder.rotation import Rotation
+    from absjax.encoder.wheel_speed import estimate
+    from tests.benchmarks.numpy_reference import PERIOD, compensated
+
+    speed = np.full(samples, 107.0)
+    edges = edges_of(Encoder.random(range(encoders)), Rotation.of_speed(speed, 0 * speed, PERIOD), PERIOD)
+    chain = WheelSpeedChain(TimeStamping(), *(HarmonicCompensation(s, 6) for s in ("speed", "acceleration")))
+    lone = jax.tree.map(lambda x: x[0], edges)
+    together = jax.jit(lambda edges: estimate(chain, edges, PERIOD)[0])
+    ours = together(edges)
+    apart = [together(jax.tree.map(lambda x, i=i: x[i], edges)) for i in range(encoders)]
+    gap = max(
+        float(jnp.abs(getattr(ours, name) / jnp.stack([getattr(one, name) for one in apart]) - 1)[:, 100:].max())
+        for name in ("speed", "acceleration")
+    )
+    ages, count = np.asarray(lone.ages), np.asarray(lone.count)
+    by_hand = compensated(ages, count, 15, 6)
+    off = np.abs(by_hand[:, 0] - np.asarray(ours.speed[0]))[100:].max()
+    best = best_of_rounds(
+        {
+            "together": lambda: together(edges),
+            "one": lambda: together(lone),
+            "numpy": lambda: compensated(ages, count, 15, 6),
+        }
+    )
+    rate = {name: samples / seconds * (encoders if name == "together" else 1) for name, seconds in best.items()}
+    print(
+        f"encoder chain, n = 15, M = 6, float64: {encoders} encoders at once {rate['together']:.3g} samples/s, one "
+        f"{rate['one']:.3g}, NumPy by hand {rate['numpy']:.3g}; {rate['together'] / rate['numpy']:.0f} times NumPy "
+        f"(at once against one by one: {gap:.0e}; against NumPy: {off:.0e} rad/s)",
+        flush=True,
+    )
+
+
 def main() -> None:
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
@@ -154,6 +193,7 @@ def main() -> None:
     located_against_sampled()
     gradient_against_forward()
     peak_memory()
+    encoder_chain_against_numpy()
 
 
 main()
