@@ -1,8 +1,8 @@
 """The chain in the loop: a stop under five phases told what an encoder's edges tell, against one told the truth.
 
-Dry concrete from 130 km/h, thresholds 50, 30, 40, 20, 20 and 30 m/s^2 (Aguado-Rojas 2019, section 6.4). The pressure
-stays between 0 and what the driver gives. Stops end at 20 km/h: below, the last edges reach so far back that the
-wheel locks before the controller is told, on an encoder without errors too.
+Dry concrete from 130 km/h, thresholds 50, 30, 40, 20, 20 and 30 m/s^2 (Aguado-Rojas 2019, section 6.4). The slower
+the wheel, the further back the last edges reach, and the later the controller is told, by an encoder without errors
+too: below 20 km/h the wheel locks, so stops end there, and excursions count above 60 km/h.
 """
 
 from typing import Any, NamedTuple
@@ -24,20 +24,24 @@ SPEED = 130 / 3.6
 """m/s"""
 END_SPEED = 20 / 3.6
 """m/s"""
-HORIZON = 8.0
+HORIZON = 6.0
 """Longest time of a stop, s."""
 PERIOD = 1e-3
 """Between the ticks of the control unit, s."""
+EXCURSION_SPEED = 60 / 3.6
+"""Vehicle speed above which excursions count, m/s."""
+DRIVER_PRESSURE = 150.0
+"""bar"""
 SETTLED = 0.3
 """Time after the first switching from which excursions count, s."""
 STUCK = 1.0
 """A cycle that lasts longer is counted as stuck, s."""
 
 
-def braking_loop(observer: Any = None) -> ClosedLoop:
-    """The loop of the study."""
+def braking_loop(observer: Any = None, driver_pressure: float | None = DRIVER_PRESSURE) -> ClosedLoop:
+    """The loop of the study; without a driver pressure [bar] the brake's is free, below 0 too."""
     car = QuarterCar(Wheel(), UniformRoad(surface("dry_concrete")))
-    return ClosedLoop(car, Brake(driver_pressure=150.0), FivePhase(), stop_speed=END_SPEED, observer=observer)
+    return ClosedLoop(car, Brake(driver_pressure=driver_pressure), FivePhase(), stop_speed=END_SPEED, observer=observer)
 
 
 class Course(NamedTuple):
@@ -56,14 +60,20 @@ class Course(NamedTuple):
     def settled(self) -> np.ndarray:
         """Samples on which excursions count."""
         onset = np.asarray(self.stop.rollout.state.loop.memory.onset_time)
-        return self.valid & (self.time > onset[:, None] + SETTLED)
+        fast = self.signals.vehicle_speed > EXCURSION_SPEED
+        return self.valid & fast & (self.time > onset[:, None] + SETTLED)
 
 
-def course(sensor: EncoderSensor | None, observer: Any = None, substeps: int = 1, horizon: float = HORIZON) -> Course:
+def course(
+    sensor: EncoderSensor | None,
+    observer: Any = None,
+    substeps: int = 1,
+    driver_pressure: float | None = DRIVER_PRESSURE,
+) -> Course:
     """A stop from 130 km/h under a sensor; None tells the truth."""
-    loop = braking_loop(observer)
+    loop = braking_loop(observer, driver_pressure)
     sampled = SampledLoop(loop, sensor, substeps=substeps)
-    result = stop(sampled, np.array([SPEED]) if sensor is None else SPEED, horizon=horizon, step=PERIOD, save_every=1)
+    result = stop(sampled, np.array([SPEED]) if sensor is None else SPEED, horizon=HORIZON, step=PERIOD, save_every=1)
     trajectory = result.rollout.trajectory
     time, state = np.asarray(trajectory.time), trajectory.state.loop
     signals = jax.vmap(jax.vmap(loop.measured))(time, state)

@@ -374,6 +374,18 @@ def test_a_missing_edge_does_not_shift_the_angle(speed, gone):
         np.testing.assert_allclose(turns[-200:], np.asarray(full.rotation.speed)[-200:], atol=1e-3)
 
 
+@pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
+def test_long_forgetting_keeps_the_covariance_definite(dtype):
+    """100 times the time constant of the forgetting: what is not symmetric would have grown by e^100."""
+    edges = in_ticks(edges_of(Encoder.random(1, TEETH), rotation(20_000), T), 1e-6)
+    found, state = estimate(chain(harmonics=3, forgetting=5.0), edges, 1000, dtype(1e-6))
+    for learned in (state.speed, state.acceleration):
+        np.testing.assert_array_equal(learned.covariance, learned.covariance.T)
+        assert np.linalg.eigvalsh(np.asarray(learned.covariance, float)).min() > 0
+    off = np.abs(np.asarray(found.speed) - rotation(20_000).speed)[-5000:]
+    assert off.max() < 0.5
+
+
 def test_500_kmh():
     fast = 500 / 3.6 / 0.3
     found, _ = estimate(chain(), edges_of(Encoder.random(1, TEETH), steady(3000, fast), T), T)

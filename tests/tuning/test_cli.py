@@ -5,9 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import tuning
+from tuning.tune_encoder import EncoderResult
 
 DATA = Path(tuning.__file__).parent / "data"
 
@@ -65,6 +67,29 @@ def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):
     assert {path.name for path in (tmp_path / "a").glob("*.png")} == {"history.png", "log.png"}
 
 
+def test_encoder_takes_a_log_and_a_tuned_chain(tmp_path):
+    config = {"events": [12], "harmonics": [2], "encoders": 1, "held_out": 1, "references": ["constant"]}
+    config |= {"duration": 0.4, "settle": 0.2, "starts": 2, "screened": 2, "iterations": 2}
+    (tmp_path / "config.json").write_text(json.dumps(config))
+    tuned = run("tune-encoder", "--config", tmp_path / "config.json", "--out", tmp_path / "a")
+    assert tuned.returncode == 0, tuned.stdout + tuned.stderr
+    assert "n = 12, M = 2 of 1 pairs" in tuned.stdout
+    data = json.loads((tmp_path / "a" / "result.json").read_text())
+    result = EncoderResult.from_json(data)
+    assert json.loads(json.dumps(result.to_json())) == data
+    assert np.shape(result.history) == (2, 2) and np.min(result.history) <= result.history[0][0]
+    rows = {row["signals"]: row for row in result.held_out}
+    assert rows["measured"]["speed ratio"] == 1 < rows["tuned"]["speed ratio"]
+    chain = ("--chain", tmp_path / "a" / "result.json")
+    done = run("encoder", DATA / "encoder_edges.csv", "--out", tmp_path / "b", *chain)
+    assert done.returncode == 0, done.stdout + done.stderr
+    result = json.loads((tmp_path / "b" / "result.json").read_text())
+    assert len(result["coefficients"]["speed"]) == 4 and len(result["tooth_errors"]) == 60
+    assert (tmp_path / "b" / "wheel_speed.csv").read_text().startswith("time_s,wheel_speed_rad_s,")
+    figures = {"signals.png", "spectrum.png", "teeth.png", "coefficients.png"}
+    assert {path.name for path in (tmp_path / "b").glob("*.png")} == figures
+
+
 @pytest.mark.parametrize(
     "arguments, message",
     [
@@ -72,6 +97,7 @@ def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):
         (("identify", DATA / "rig_65kmh.csv", "--out", "x", "--columns", "speed=v"), "signal 'speed' is unknown"),
         (("identify", DATA / "rig_65kmh.csv", "--out", "x", "--load", "-3"), "Wheel.load = -3"),
         (("identify", DATA / "rig_65kmh.csv", "--out", "x", "--car", "no.json"), "no.json: no such file"),
+        (("encoder", DATA / "encoder_edges.csv", "--out", "x", "--column", "t"), "no column 't'; there are edge_tick"),
         (("tune-abs", "--config", DATA / "rig_65kmh.csv", "--out", "x"), "not JSON"),
         (("tune-observer", "--observer", "kalman", "--out", "x"), "'kalman' is unknown; there are constant"),
         (("tune-observer", "--log", DATA / "stop_dry_wet.csv", "--out", "x"), "no longitudinal force"),
