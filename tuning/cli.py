@@ -182,7 +182,7 @@ def encoder(
     column: Annotated[str, typer.Option(help="Column with the edge times, integer ticks.")] = "edge_tick",
     period: Annotated[float, typer.Option(help="Sampling period of the control unit [s].")] = 1e-3,
     events: Annotated[int, typer.Option(help="Edges in the fit, n.")] = 15,
-    harmonics: Annotated[int | None, typer.Option(help="Harmonics compensated, M; ceil(1.5 N / n) if missing.")] = None,
+    harmonics: Annotated[int | None, typer.Option(help="Harmonics compensated, M; all if missing.")] = None,
     chain: Annotated[Path | None, typer.Option(help="A result of tune-encoder; overrides n and M.")] = None,
 ) -> None:
     """Wheel speed and acceleration from edge times, the encoder's errors taken off: CSV, result.json and figures."""

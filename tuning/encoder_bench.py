@@ -93,12 +93,17 @@ def bench_of(encoder: Encoder, name: str, duration: float, settle: float) -> Ben
 
 def least_harmonics(teeth: int, events: int) -> int:
     """M of the source, ceil(N / n) + 1."""
-    return int(np.ceil(teeth / events)) + 1
+    return min(int(np.ceil(teeth / events)) + 1, all_harmonics(teeth))
 
 
 def enough_harmonics(teeth: int, events: int) -> int:
     """M from which on the residual flattens, ceil(1.5 N / n)."""
-    return int(np.ceil(1.5 * teeth / events))
+    return min(int(np.ceil(1.5 * teeth / events)), all_harmonics(teeth))
+
+
+def all_harmonics(teeth: int) -> int:
+    """As many as teeth tell apart, the largest M below N / 2."""
+    return (teeth - 1) // 2
 
 
 def measured_chain(teeth: int = 60, events: int = 15) -> WheelSpeedChain:
@@ -122,6 +127,16 @@ def filtered_chain(teeth: int = 60, events: int = 15, harmonics: int | None = No
     """The compensation with filtered regressors, M = ceil(1.5 N / n)."""
     harmonics = enough_harmonics(teeth, events) if harmonics is None else harmonics
     return WheelSpeedChain(TimeStamping(teeth, events), *(HarmonicCompensation(s, harmonics) for s in SIGNALS))
+
+
+def edge_chain(
+    teeth: int = 60, events: int = 15, harmonics: int | None = None, memory: float | None = None
+) -> WheelSpeedChain:
+    """The compensation with regressors made of the edges, M = all that the teeth tell apart; memory as in
+    `TimeStamping`."""
+    harmonics = all_harmonics(teeth) if harmonics is None else harmonics
+    parts = (HarmonicCompensation(s, harmonics, through_edges=True) for s in SIGNALS)
+    return WheelSpeedChain(TimeStamping(teeth, events, memory=memory), *parts)
 
 
 @jax.jit

@@ -26,6 +26,7 @@ class EncoderConfig(Entries):
         teeth: N.
         events: values of n to choose from. harmonics: values of M to choose from. Every pair is tried.
         filter_regressor: 1 if the regressors are filtered as the signals are, 0 for the published law.
+        through_edges: 1 if the regressors are made of the edges, 0 if of the signals, as published.
         tolerance: of the teeth, encoder cycles. eccentricity: of the code track, m. jitter: encoder cycles.
         clock: tick of the stamps [s]; None for exact stamps.
         encoders: number of encoders tuned on, seeds from `seed` on; held_out: number of those judged on, seeds
@@ -43,6 +44,7 @@ class EncoderConfig(Entries):
     events: tuple[float, ...] = (8.0, 10.0, 12.0, 15.0, 20.0)
     harmonics: tuple[float, ...] = (4.0, 5.0, 6.0, 8.0, 10.0)
     filter_regressor: int = 1
+    through_edges: int = 0
     tolerance: float = 0.004
     eccentricity: float = 1.6e-4
     jitter: float = 0.0
@@ -70,6 +72,7 @@ class EncoderConfig(Entries):
         require("teeth", self.teeth, self.teeth >= 12, "at least 12")
         require("events", self.events, self._whole(self.events, 3), "whole numbers of at least 3")
         require("harmonics", self.harmonics, self._whole(self.harmonics, 1), "whole numbers of at least 1")
+        require("harmonics", self.harmonics, 2 * max(self.harmonics) < self.teeth, "below half the teeth")
         require("references", self.references, len(self.references) > 0, "not empty")
         require("settle", self.settle, 0 <= self.settle < self.duration, "in [0, duration)")
         require("duration", self.duration, 0 < self.duration <= 600, "in (0, 600] s")

@@ -111,7 +111,7 @@ def cycles_figure(courses: Mapping[str, Course], lane: int = 0):
     """Phase planes of the stops by what the controller is told (Aguado-Rojas 2019, Fig. 6.7 to 6.9)."""
     truth = courses["the truth"]
     others = {label: found for label, found in courses.items() if found is not truth}
-    figure, axes = plt.subplots(2, 2, figsize=(12, 8), sharex=True, sharey=True)
+    figure, axes = plt.subplots(2, 3, figsize=(15, 8), sharex=True, sharey=True)
     for panel, (label, found) in zip(axes.flat, others.items()):
         mine = min(lane, len(found.time) - 1)
         for one, i, style in ((found, mine, {"color": "C3", "lw": 0.8}), (truth, 0, {"color": "C2", "lw": 1.2})):
@@ -123,6 +123,8 @@ def cycles_figure(courses: Mapping[str, Course], lane: int = 0):
         panel.set(xlim=(-0.6, 0.1), ylim=(-70, 150), title=label)
         panel.grid(alpha=0.2)
         panel.legend(fontsize="small", loc="upper left")
+    for panel in axes.flat[len(others) :]:
+        panel.set_axis_off()
     for panel in axes[-1]:
         panel.set_xlabel("slip λ")
     for panel in axes[:, 0]:
@@ -133,7 +135,7 @@ def cycles_figure(courses: Mapping[str, Course], lane: int = 0):
 
 def loop_figure(courses: Mapping[str, Course], lane: int = 0):
     """Speeds of vehicle and rim over time by what the controller is told."""
-    figure, axes = plt.subplots(len(courses), 1, figsize=(10, 2.2 * len(courses)), sharex=True)
+    figure, axes = plt.subplots(len(courses), 1, figsize=(10, 2 * len(courses)), sharex=True)
     for panel, (label, found) in zip(axes, courses.items()):
         mine = min(lane, len(found.time) - 1)
         inside = found.valid[mine]

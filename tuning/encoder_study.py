@@ -18,7 +18,9 @@ from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
 from tuning.encoder_bench import (
     PERIOD,
     SIGNALS,
+    all_harmonics,
     bench_of,
+    edge_chain,
     enough_harmonics,
     filtered_chain,
     joined,
@@ -36,8 +38,6 @@ from tuning.tune_encoder import EncoderResult
 DURATION, SETTLE = 20.0, 10.0
 """Of a run, and from when on errors count, s."""
 TEETH, EVENTS = 60, 15
-ALL_HARMONICS = 29
-"""As many as teeth can tell apart."""
 CLOCK = 1e-6
 HOUR = 3600.0
 
@@ -50,13 +50,13 @@ def tuned_chain() -> WheelSpeedChain:
 
 def table_chains() -> dict[str, WheelSpeedChain]:
     """The chains of the table by name; the first is the measurement."""
-    few, all_ = enough_harmonics(TEETH, EVENTS), ALL_HARMONICS
+    few, all_ = enough_harmonics(TEETH, EVENTS), all_harmonics(TEETH)
     return {
         "measured": measured_chain(TEETH, EVENTS),
         "notch filter": notch_chain(TEETH, EVENTS),
         "RLS, M = 5, as published": published_chain(TEETH, EVENTS),
         f"RLS, M = {few}, filtered": filtered_chain(TEETH, EVENTS),
-        f"RLS, M = {all_}, filtered": filtered_chain(TEETH, EVENTS, all_),
+        f"RLS, M = {all_}, through the edges": edge_chain(TEETH, EVENTS),
     }
 
 

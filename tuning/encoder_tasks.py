@@ -14,8 +14,9 @@ from tuning.edge_log import EdgeLog
 from tuning.encoder_bench import (
     PERIOD,
     SIGNALS,
+    all_harmonics,
     bench_of,
-    enough_harmonics,
+    edge_chain,
     filtered_chain,
     measured_chain,
     notch_chain,
@@ -107,7 +108,7 @@ def _write_signals(study: LogStudy, path: Path) -> Path:
 
 
 def chain_for(log: EdgeLog, events: int, harmonics: int | None, tuned: Path | None) -> WheelSpeedChain:
-    """The chain for a log: with filtered regressors, or as `tune-encoder` has left it.
+    """The chain for a log: with regressors made of the edges, or as `tune-encoder` has left it.
 
     Raises:
         LogError: if the tuned chain is for another number of teeth, or the file is not a result of `tune-encoder`.
@@ -115,9 +116,9 @@ def chain_for(log: EdgeLog, events: int, harmonics: int | None, tuned: Path | No
     if tuned is None:
         if not 3 <= events <= 10 * log.teeth:
             raise LogError(f"events = {events} must lie between 3 and {10 * log.teeth}")
-        if harmonics is not None and not 1 <= harmonics <= log.teeth // 2:
-            raise LogError(f"harmonics = {harmonics} must lie between 1 and {log.teeth // 2}, half the teeth")
-        return filtered_chain(log.teeth, events, harmonics or min(enough_harmonics(log.teeth, events), log.teeth // 2))
+        if harmonics is not None and not 1 <= harmonics <= all_harmonics(log.teeth):
+            raise LogError(f"harmonics = {harmonics} must lie between 1 and {all_harmonics(log.teeth)}")
+        return edge_chain(log.teeth, events, harmonics)
     try:
         result = EncoderResult.from_json(read_json(tuned))
     except (KeyError, TypeError):
@@ -199,6 +200,7 @@ def loop_chains() -> dict[str, WheelSpeedChain]:
         "as measured": measured_chain(TEETH, LOOP_EVENTS),
         "notch filter": notch_chain(TEETH, LOOP_EVENTS),
         "RLS": filtered_chain(TEETH, LOOP_EVENTS, 6),
+        "RLS through the edges, 12 ms": edge_chain(TEETH, LOOP_EVENTS, 12, memory=0.012),
     }
 
 

@@ -61,7 +61,8 @@ def chain_of(
 
     def compensation(signal):
         own = {name.removeprefix(f"{signal}_"): x for name, x in parameters.items() if name.startswith(signal)}
-        return HarmonicCompensation(signal, harmonics, bool(config.filter_regressor), active=active, **own)
+        how = bool(config.filter_regressor), bool(config.through_edges)
+        return HarmonicCompensation(signal, harmonics, *how, active=active, **own)
 
     stamping = TimeStamping(config.teeth, events, window=window)
     return WheelSpeedChain(stamping, *(compensation(signal) for signal in SIGNALS))
@@ -98,10 +99,11 @@ class _Shape:
 
     teeth: int
     filter_regressor: int
+    through_edges: int
 
 
 def _shape(config: EncoderConfig) -> _Shape:
-    return _Shape(config.teeth, config.filter_regressor)
+    return _Shape(config.teeth, config.filter_regressor, config.through_edges)
 
 
 @partial(jax.jit, static_argnames=("shape", "box", "events", "harmonics"))

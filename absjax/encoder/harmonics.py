@@ -8,7 +8,13 @@ Fourier coefficients ϑ of the error,
 
     D = diag(1, 1, 2, 2, ...),   phi = (cos th, -sin th, cos 2th, ...),   psi = (sin th, cos th, sin 2th, ...)
 
-each signal with coefficients of its own. Signal and regressor pass the same high-pass filter, which leaves
+each signal with coefficients of its own, since neither is the derivative of the other. Both are sums over the edges of
+the fit, though: w_m = sum of L_i th_i, so that with
+
+    Phi = sum over the edges of L_i (sin th_i, cos th_i, sin 2th_i, ...)
+
+in their place (`through_edges`) the relation is exact, for any number of edges, at any speed, and N / 2 harmonics hold
+every error that repeats. Signal and regressor pass the same high-pass filter, which leaves
 zeta = x' ϑ; ϑ follows by normalised recursive least squares with forgetting, exactly for samples held over Ts,
 
     d = 1 + kappa x'x + Ts x'G x
@@ -59,6 +65,8 @@ class HarmonicCompensation:
     """M; ceil(1.5 N / n) is where the residual flattens"""
     filter_regressor: bool = True
     """whether the regressor is filtered as the signal is; False is the published law"""
+    through_edges: bool = False
+    """whether the regressor is made as the signal is, of the edges; False is the published one, of the signals"""
     forgetting: Any = parameter("beta, 1/s", default=0.1, **TUNED)
     cutoff: Any = parameter("of the high-pass filter, Hz", default=5.0, **TUNED)
     gain: Any = parameter("g, initial G over its steady value 2 beta sum k^(2 p) / k^(2 p)", default=1000.0, **TUNED)
@@ -107,6 +115,11 @@ class HarmonicCompensation:
         """k^-p Phi, shape (2 M,)."""
         angle, speed, acceleration = measured.rotation
         k = jnp.arange(1, self.harmonics + 1).astype(angle.dtype)
+        if self.through_edges:
+            weights = getattr(measured.weights, self.signal)
+            angles = k[:, None] * measured.weights.angle
+            sums = jnp.stack([jnp.sum(f(angles) * weights, axis=-1) for f in (jnp.sin, jnp.cos)], axis=-1)
+            return (sums / k[:, None] ** POWER[self.signal]).reshape(-1) * self._used(angle.dtype)
         cosine, sine = jnp.cos(k * angle), jnp.sin(k * angle)
         if self.signal == "speed":
             pairs = jnp.stack([cosine * speed, -sine * speed], axis=-1)

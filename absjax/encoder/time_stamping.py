@@ -54,11 +54,24 @@ class Stamps:
     edges: Any = parameter("edges seen since the wheel last stood, n at most")
 
 
+class Weights(NamedTuple):
+    """Speed and acceleration as what they are, sums over the angles of the edges; shape (n,), newest first."""
+
+    angle: jax.Array
+    """of the edge, where it should be [rad]"""
+    speed: jax.Array
+    """d(speed) / d(angle) [1/s]"""
+    acceleration: jax.Array
+    """d(acceleration) / d(angle) [1/s^2]"""
+
+
 class Measured(NamedTuple):
     """What the algorithm makes of its stamps at a sample."""
 
     rotation: Rotation
     """th [rad] in [0, 2 pi), from the first edge seen; w [rad/s] >= 0; w' [rad/s^2]"""
+    weights: Weights
+    """of the edges in speed and acceleration"""
     valid: jax.Array
     """n edges have been seen since the wheel last stood"""
     regular: jax.Array
@@ -76,6 +89,12 @@ class TimeStamping:
     order: int = 2
     """m"""
     window: Any = parameter("n, of which only the newest so many edges are used; None: all", default=None, low=3.0)
+    memory: Any = parameter(
+        "age beyond which an edge is not used, s, but for the newest m + 2; None: n edges at every speed",
+        default=None,
+        low=0.0,
+        open_low=True,
+    )
     greatest_deceleration: Any = parameter(
         "of the wheel, rad/s^2; an edge that comes so late that it would have been exceeded was preceded by one that "
         "was missed. None: no edge is ever missed",
@@ -176,6 +195,7 @@ class TimeStamping:
         """Angle, speed and acceleration at the sample; `tick` is the unit of the times [s]."""
         dtype = stamps.edges.dtype
         window = self.events if self.window is None else jnp.clip(self.window, self.order + 1, self.events)
+        window = jnp.minimum(window, self._young(stamps, tick))
         used = jnp.minimum(stamps.edges, window)
         counts = jnp.arange(self.events) < used
         old, span, teeth = unit_interval(stamps.intervals, stamps.teeth, counts, dtype)
@@ -183,7 +203,7 @@ class TimeStamping:
         span = jnp.where(enough, span, 1.0)
         age = stamps.age.astype(dtype)
         now = 1 + age / span
-        place, slope, curvature = _fit(old, teeth, counts & enough, now, self.order)
+        (place, slope, curvature), (by_slope, by_curvature) = _fit(old, teeth, counts & enough, now, self.order)
         seconds, waited = span * tick, age * tick
         speed = jnp.where(enough, jnp.maximum(slope, 0.0) * self.pitch / seconds, 0.0)
         acceleration = jnp.where(enough, curvature * self.pitch / seconds**2, 0.0)
@@ -206,7 +226,17 @@ class TimeStamping:
         angle = self.pitch * ((stamps.tooth + turned) % self.teeth)
         valid = enough & (stamps.edges >= window)
         suspect = usual > LONG * _tooth_time(stamps, 1) * tick
-        return Measured(Rotation(angle, speed, acceleration), valid, valid & ~late & ~suspect)
+        where = self.pitch * ((stamps.tooth + teeth) % self.teeth)
+        weights = Weights(where, by_slope / seconds, by_curvature / seconds**2)
+        return Measured(Rotation(angle, speed, acceleration), weights, valid, valid & ~late & ~suspect)
+
+    def _young(self, stamps: Stamps, tick):
+        """Number of the newest edges that are young enough."""
+        if self.memory is None:
+            return self.events
+        steps = jnp.concatenate([stamps.age[None], stamps.intervals]).astype(stamps.edges.dtype)
+        young = jnp.sum(jnp.cumsum(steps) * tick <= self.memory).astype(stamps.edges.dtype)
+        return jnp.maximum(young, self.order + 2)
 
 
 def unit_interval(intervals, teeth, counts, dtype) -> tuple[jax.Array, jax.Array, jax.Array]:
@@ -230,8 +260,9 @@ def unit_interval(intervals, teeth, counts, dtype) -> tuple[jax.Array, jax.Array
     return 1 - safe_divide(ages, span, span > 0), span, -before(teeth)
 
 
-def _fit(s, y, counts, now, order: int) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Least-squares polynomial through the points that count: its value, slope and curvature at `now`."""
+def _fit(s, y, counts, now, order: int):
+    """Least-squares polynomial through the points that count: its value, slope and curvature at `now`, and the
+    weights of the points in the last two."""
     weight = counts.astype(s.dtype)
     residual = y * weight
     one, zero = jnp.ones_like(now), jnp.zeros_like(now)
@@ -239,11 +270,14 @@ def _fit(s, y, counts, now, order: int) -> tuple[jax.Array, jax.Array, jax.Array
     at, at_before = (one, zero, zero), (zero, zero, zero)
     square_before = one
     value, slope, curvature = zero, zero, zero
+    by_slope = by_curvature = jnp.zeros_like(s)
     for j in range(order + 1):
         square = jnp.sum(basis * basis)
         coefficient = safe_divide(jnp.sum(residual * basis), square, square > 0)
         residual = residual - coefficient * basis
         value, slope, curvature = (x + coefficient * p for x, p in zip((value, slope, curvature), at))
+        share = safe_divide(basis, square, square > 0)
+        by_slope, by_curvature = by_slope + at[1] * share, by_curvature + at[2] * share
         a = safe_divide(jnp.sum(s * basis * basis), square, square > 0)
         b = safe_divide(square, square_before, square_before > 0) if j else zero
         basis, basis_before = (s - a) * basis - b * basis_before, basis
@@ -251,7 +285,7 @@ def _fit(s, y, counts, now, order: int) -> tuple[jax.Array, jax.Array, jax.Array
         at_before = at
         at = ((now - a) * p0 - b * q0, p0 + (now - a) * p1 - b * q1, 2 * p1 + (now - a) * p2 - b * q2)
         square_before = square
-    return value, slope, curvature
+    return (value, slope, curvature), (by_slope, by_curvature)
 
 
 def _tooth_time(stamps: Stamps, i: int):

@@ -61,6 +61,11 @@ class WheelSpeedChain:
             compensation = getattr(self, name)
             if compensation is not None and getattr(compensation, "signal", name) != name:
                 raise ValueError(f"WheelSpeedChain.{name} compensates the {compensation.signal}")
+            if 2 * getattr(compensation, "harmonics", 0) >= self.stamping.teeth:
+                raise ValueError(
+                    f"WheelSpeedChain.{name} has {compensation.harmonics} harmonics; {self.stamping.teeth} teeth tell "
+                    f"{(self.stamping.teeth - 1) // 2} apart"
+                )
 
     def at(self, times, dtype) -> ChainState:
         """State before any edge; `times` is the dtype of the edges' ages, `dtype` that of all else."""

@@ -138,15 +138,21 @@ def test_conditioning_of_the_fit():
     assert np.linalg.cond(np.vander(stamps, 3)) == pytest.approx(5.976e9, rel=1e-4)
 
 
-@pytest.mark.parametrize(("order", "events", "window"), [(2, 15, None), (2, 15, 6.0), (3, 9, None)])
-def test_time_stamping_against_polyfit(order, events, window):
+@pytest.mark.parametrize(
+    ("order", "events", "window", "memory"),
+    [(2, 15, None, None), (2, 15, 6.0, None), (2, 15, None, 0.011), (3, 9, None, None)],
+)
+def test_time_stamping_against_polyfit(order, events, window, memory):
     edges = edges_of(ENCODER, rotation(400), T)
-    stamping = TimeStamping(TEETH, events, order, window=window)
+    stamping = TimeStamping(TEETH, events, order, window=window, memory=memory)
     found = estimate(WheelSpeedChain(stamping), edges, T)[0].measured
-    n, instants = int(window or events), times(edges)
+    n, instants, sizes = int(window or events), times(edges), set()
     usual = np.asarray(found.valid & found.regular)
     for k in np.flatnonzero(usual)[::7]:
         last = np.flatnonzero(instants <= k * T + 1e-12)[-1]
+        if memory is not None:
+            n = min(events, int((instants[: last + 1] >= k * T - memory).sum()))
+            sizes.add(n)
         t = instants[last - n + 1 : last + 1]
         span = t[-1] - t[0]
         fit = np.polynomial.Polynomial.fit(t, np.arange(1 - n, 1), order, domain=[t[0], t[-1]], window=[0, 1])
@@ -157,7 +163,29 @@ def test_time_stamping_against_polyfit(order, events, window):
         )
         angle = PITCH * (last + fit(now)) % (2 * np.pi)
         np.testing.assert_allclose(found.rotation.angle[k], angle, atol=1e-10)
-    assert usual.sum() > 300
+    assert usual.sum() > 300 and len(sizes) >= (3 if memory else 0)
+
+
+@pytest.mark.parametrize("memory", [None, 0.008])
+def test_regressors_made_of_the_edges_are_exact(memory):
+    """Errors of two harmonics are found, and taken off, to rounding; however many edges are in the fit."""
+    k = 2 * np.pi * np.arange(TEETH) / TEETH
+    sine, cosine = 0.02, -0.01
+    encoder = Encoder(sine * np.sin(3 * k) + cosine * np.cos(2 * k))
+    edges = edges_of(encoder, steady(2000, 90.0), T)
+    parts = (HarmonicCompensation(s, 3, through_edges=True, gain=1e9) for s in ("speed", "acceleration"))
+    chain_ = WheelSpeedChain(TimeStamping(TEETH, 15, memory=memory), *parts)
+    found, state = estimate(chain_, edges, T)
+    np.testing.assert_allclose(found.speed[-200:], 90.0, atol=1e-6)
+    np.testing.assert_allclose(found.acceleration[-200:], 0.0, atol=1e-4)
+    # Tooth 0 of the chain is the first that passed: tooth 1, the encoder's 0 lies before the start.
+    shift = 2 * np.pi / TEETH * int(np.asarray(encoder.edge_angle(np.arange(TEETH)) <= 0.0).sum())
+    a3, b3 = sine * np.cos(3 * shift), sine * np.sin(3 * shift)
+    a2, b2 = -cosine * np.sin(2 * shift), cosine * np.cos(2 * shift)
+    expected = -PITCH * np.array([0.0, 0.0, a2, b2, a3, b3])
+    for name in ("speed", "acceleration"):
+        learned = getattr(chain_, name).coefficients(getattr(state, name))
+        np.testing.assert_allclose(learned, expected, atol=1e-7)
 
 
 def test_an_ideal_encoder_at_constant_speed_has_no_error():
@@ -419,6 +447,7 @@ def test_no_gradient_is_nan_through_lock_and_start():
         (lambda: HarmonicCompensation("speed", gain=-1.0), r"HarmonicCompensation\.gain = -1"),
         (lambda: NotchFilter("speed", width=0.0), r"NotchFilter\.width = 0"),
         (lambda: WheelSpeedChain(TimeStamping(), NotchFilter("acceleration")), "WheelSpeedChain.speed compensates"),
+        (lambda: chain(harmonics=30), "WheelSpeedChain.speed has 30 harmonics; 60 teeth tell 29 apart"),
         (lambda: edges_of(ENCODER, steady(9, -5.0), T), "turns backwards"),
         (lambda: edges_of(ENCODER, steady(9, 400.0), T, capacity=2), "capacity = 2 edges between two samples, 4"),
         (lambda: estimate(chain(), Edges(jnp.zeros(5), jnp.zeros(5, int)), T), "shape"),
