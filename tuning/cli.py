@@ -86,10 +86,10 @@ def tune_abs(
     with clear_errors():
         from tuning.config import TuningConfig
 
-        _tune(TuningConfig.from_json(_configuration(config)), out, "tuned thresholds")
+        _tune(TuningConfig.from_json(configuration(config)), out, "tuned thresholds")
 
 
-def _configuration(path: Path | None):
+def configuration(path: Path | None):
     """What a configuration file holds, nothing without one; a result goes on from its parameters."""
     from tuning.files import read_json
 
@@ -152,7 +152,7 @@ def tune_observer(
         from tuning.observer_config import ObserverConfig
         from tuning.observer_tasks import tune, tune_on_log
 
-        data = _configuration(config)
+        data = configuration(config)
         if observer is not None and isinstance(data, dict):
             data = {**data, "observer": observer}
         wanted = ObserverConfig.from_json(data)
@@ -206,7 +206,7 @@ def tune_encoder(
         from tuning.encoder_config import EncoderConfig
         from tuning.encoder_tasks import tune
 
-        wanted = EncoderConfig.from_json(_configuration(config))
+        wanted = EncoderConfig.from_json(configuration(config))
         with bar(f"encoder chain: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
             report = tune(wanted, out, progress)
         print_report(report)

@@ -1,14 +1,10 @@
 """The time-stamping algorithm: a polynomial through the last n edges gives angle, speed and acceleration.
 
 With the stamps shifted and scaled to the unit interval, s = (t - t_oldest) / (t_newest - t_oldest), the angles of the
-n edges are fitted by a polynomial of order m in s; its derivatives at the time of the sample are w and w'. The fit is
-by polynomials orthogonal over the n stamps (Forsythe's recurrence), so no system of equations is solved:
-
-    p_0 = 1,   p_{j+1}(s) = (s - a_j) p_j(s) - b_j p_{j-1}(s)
-    a_j = <s p_j, p_j> / <p_j, p_j>,   b_j = <p_j, p_j> / <p_{j-1}, p_{j-1}>
+n edges are fitted by a polynomial of order m in s; its derivatives at the time of the sample are w and w'.
 
 Only the times between edges and the age of the newest are kept: they do not grow, and may be integer clock ticks.
-Source: Aguado-Rojas 2019, section 5.2 and appendix C; Forsythe 1957 for the recurrence.
+Source: Aguado-Rojas 2019, section 5.2 and appendix C.
 """
 
 import dataclasses
@@ -20,6 +16,7 @@ import numpy as np
 
 from absjax._numerics import safe_divide, tree_where
 from absjax.encoder.edges import Edges
+from absjax.encoder.polynomial import fit, unit_interval
 from absjax.encoder.rotation import Rotation
 from absjax.parameters import model, parameter
 
@@ -105,11 +102,8 @@ class TimeStamping:
     standstill: Any = parameter("longest time between edges of a turning wheel, s", default=0.5, low=0.0, open_low=True)
 
     def __post_init__(self):
-        for name, value, least in (
-            ("teeth", self.teeth, 3),
-            ("order", self.order, 2),
-            ("events", self.events, self.order + 1),
-        ):
+        for name, least in (("teeth", 3), ("order", 2), ("events", self.order + 1)):
+            value = getattr(self, name)
             if value != int(value) or value < least:
                 raise ValueError(f"TimeStamping.{name} = {value} must be an integer >= {least}")
 
@@ -203,32 +197,39 @@ class TimeStamping:
         span = jnp.where(enough, span, 1.0)
         age = stamps.age.astype(dtype)
         now = 1 + age / span
-        (place, slope, curvature), (by_slope, by_curvature) = _fit(old, teeth, counts & enough, now, self.order)
+        found = fit(old, teeth, counts & enough, now, self.order)
         seconds, waited = span * tick, age * tick
-        speed = jnp.where(enough, jnp.maximum(slope, 0.0) * self.pitch / seconds, 0.0)
-        acceleration = jnp.where(enough, curvature * self.pitch / seconds**2, 0.0)
-
-        # A wheel that has not shown its next tooth yet has turned by less than one; unless the edge was missed, and
-        # no wheel slows down faster than it can.
-        usual = _tooth_time(stamps, 0) * tick
-        bound = safe_divide(self.pitch, waited, waited > 0, jnp.inf)
+        usual, before = (_tooth_time(stamps, i) * tick for i in (0, 1))
+        speed = jnp.where(enough, jnp.maximum(found.slope, 0.0) * self.pitch / seconds, 0.0)
+        acceleration = jnp.where(enough, found.curvature * self.pitch / seconds**2, 0.0)
         late = waited > LATE * usual
-        if self.greatest_deceleration is not None:
-            slowest = safe_divide(self.pitch, usual, usual > 0) - self.greatest_deceleration * waited
-            bound = jnp.maximum(bound, slowest)
+        speed, acceleration = self._held(speed, acceleration, waited, usual, late)
+
+        turned = jnp.where(enough, jnp.clip(found.value, -FARTHEST, FARTHEST), 0.0)
+        angle = self.pitch * ((stamps.tooth + turned) % self.teeth)
+        weights = Weights(
+            self.pitch * ((stamps.tooth + teeth) % self.teeth),
+            found.by_slope / seconds,
+            found.by_curvature / seconds**2,
+        )
+        valid = enough & (stamps.edges >= window)
+        regular = valid & ~late & (usual <= LONG * before)
+        return Measured(Rotation(angle, speed, acceleration), weights, valid, regular)
+
+    def _held(self, speed, acceleration, waited, usual, late):
+        """Speed and acceleration held to what the wait for the next edge tells.
+
+        A wheel that has not shown its next tooth has turned by less than one, w <= (2 pi / N) / waited; unless the
+        edge was missed: no wheel slows down faster than it can.
+        """
+        bound = safe_divide(self.pitch, waited, waited > 0, jnp.inf)
+        greatest = self.greatest_deceleration
+        if greatest is not None:
+            bound = jnp.maximum(bound, safe_divide(self.pitch, usual, usual > 0) - greatest * waited)
         speed = jnp.where(late, jnp.minimum(speed, bound), speed)
         falling = safe_divide(speed, waited, waited > 0)
-        if self.greatest_deceleration is not None:
-            falling = jnp.minimum(falling, self.greatest_deceleration)
-        overdue = enough & (waited > OVERDUE * usual)
-        acceleration = jnp.where(overdue, -falling, acceleration)
-        turned = jnp.where(enough, jnp.clip(place, -FARTHEST, FARTHEST), 0.0)
-        angle = self.pitch * ((stamps.tooth + turned) % self.teeth)
-        valid = enough & (stamps.edges >= window)
-        suspect = usual > LONG * _tooth_time(stamps, 1) * tick
-        where = self.pitch * ((stamps.tooth + teeth) % self.teeth)
-        weights = Weights(where, by_slope / seconds, by_curvature / seconds**2)
-        return Measured(Rotation(angle, speed, acceleration), weights, valid, valid & ~late & ~suspect)
+        falling = falling if greatest is None else jnp.minimum(falling, greatest)
+        return speed, jnp.where(waited > OVERDUE * usual, -falling, acceleration)
 
     def _young(self, stamps: Stamps, tick):
         """Number of the newest edges that are young enough."""
@@ -237,55 +238,6 @@ class TimeStamping:
         steps = jnp.concatenate([stamps.age[None], stamps.intervals]).astype(stamps.edges.dtype)
         young = jnp.sum(jnp.cumsum(steps) * tick <= self.memory).astype(stamps.edges.dtype)
         return jnp.maximum(young, self.order + 2)
-
-
-def unit_interval(intervals, teeth, counts, dtype) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Stamps shifted and scaled to the unit interval.
-
-    Args:
-        intervals, teeth: times and teeth between successive edges, newest first, (n - 1,).
-        counts: which of the n edges count, newest first, (n,).
-
-    Returns:
-        The scaled stamps, newest (1) first; the span they were scaled by; the teeth passed since, negative. The
-        stamps of edges that do not count mean nothing.
-    """
-
-    def before(values):
-        steps = jnp.where(counts[1:], values.astype(dtype), 0.0)
-        return jnp.concatenate([jnp.zeros(1, dtype), jnp.cumsum(steps)])
-
-    ages = before(intervals)
-    span = ages[-1]
-    return 1 - safe_divide(ages, span, span > 0), span, -before(teeth)
-
-
-def _fit(s, y, counts, now, order: int):
-    """Least-squares polynomial through the points that count: its value, slope and curvature at `now`, and the
-    weights of the points in the last two."""
-    weight = counts.astype(s.dtype)
-    residual = y * weight
-    one, zero = jnp.ones_like(now), jnp.zeros_like(now)
-    basis, basis_before = weight, jnp.zeros_like(s)
-    at, at_before = (one, zero, zero), (zero, zero, zero)
-    square_before = one
-    value, slope, curvature = zero, zero, zero
-    by_slope = by_curvature = jnp.zeros_like(s)
-    for j in range(order + 1):
-        square = jnp.sum(basis * basis)
-        coefficient = safe_divide(jnp.sum(residual * basis), square, square > 0)
-        residual = residual - coefficient * basis
-        value, slope, curvature = (x + coefficient * p for x, p in zip((value, slope, curvature), at))
-        share = safe_divide(basis, square, square > 0)
-        by_slope, by_curvature = by_slope + at[1] * share, by_curvature + at[2] * share
-        a = safe_divide(jnp.sum(s * basis * basis), square, square > 0)
-        b = safe_divide(square, square_before, square_before > 0) if j else zero
-        basis, basis_before = (s - a) * basis - b * basis_before, basis
-        (p0, p1, p2), (q0, q1, q2) = at, at_before
-        at_before = at
-        at = ((now - a) * p0 - b * q0, p0 + (now - a) * p1 - b * q1, 2 * p1 + (now - a) * p2 - b * q2)
-        square_before = square
-    return (value, slope, curvature), (by_slope, by_curvature)
 
 
 def _tooth_time(stamps: Stamps, i: int):

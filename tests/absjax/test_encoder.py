@@ -14,8 +14,9 @@ from absjax.encoder.edges import Edges, edges_of, in_ticks, pack
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.harmonics import HarmonicCompensation
 from absjax.encoder.notch import NotchFilter
+from absjax.encoder.polynomial import unit_interval
 from absjax.encoder.rotation import Rotation
-from absjax.encoder.time_stamping import TimeStamping, unit_interval
+from absjax.encoder.time_stamping import TimeStamping
 from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
 
 T = 1e-3

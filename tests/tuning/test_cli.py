@@ -9,6 +9,9 @@ import numpy as np
 import pytest
 
 import tuning
+from tuning.cli import configuration
+from tuning.config import TuningConfig
+from tuning.observer_config import ObserverConfig
 from tuning.tune_encoder import EncoderResult
 
 DATA = Path(tuning.__file__).parent / "data"
@@ -43,28 +46,27 @@ def test_tune_abs_writes_a_result_it_can_go_on_from(tmp_path):
         "refinements": 0,
     }
     (tmp_path / "config.json").write_text(json.dumps(config))
-    first = run("tune-abs", "--config", tmp_path / "config.json", "--out", tmp_path / "a")
-    assert first.returncode == 0, first.stdout + first.stderr
-    assert "2/2" in first.stdout and "dry asphalt" in first.stdout
-    second = run("tune-abs", "--config", tmp_path / "a" / "result.json", "--out", tmp_path / "b")
-    assert second.returncode == 0, second.stdout + second.stderr
-    results = [json.loads((tmp_path / name / "result.json").read_text()) for name in "ab"]
-    assert results[1]["config"]["start"] == results[0]["parameters"]
+    done = run("tune-abs", "--config", tmp_path / "config.json", "--out", tmp_path / "a")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "2/2" in done.stdout and "dry asphalt" in done.stdout
     assert {path.name for path in (tmp_path / "a").glob("*.png")} == {"distances.png", "history.png", "cycles.png"}
+    result = json.loads((tmp_path / "a" / "result.json").read_text())
+    following = TuningConfig.from_json(configuration(tmp_path / "a" / "result.json"))
+    assert following.start == result["parameters"] and following.roads == ("dry_asphalt",)
 
 
 def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):
     config = {"observer": "constant", "starts": 1, "screened": 1, "iterations": 2, "refinements": 0}
     (tmp_path / "config.json").write_text(json.dumps(config))
     log = ("--log", DATA / "rig_65kmh.csv")
-    first = run("tune-observer", "--config", tmp_path / "config.json", *log, "--out", tmp_path / "a")
-    assert first.returncode == 0, first.stdout + first.stderr
-    assert "certified; slowest rate" in first.stdout and "held out" in first.stdout
-    second = run("tune-observer", "--config", tmp_path / "a" / "result.json", *log, "--out", tmp_path / "b")
-    assert second.returncode == 0, second.stdout + second.stderr
-    results = [json.loads((tmp_path / name / "result.json").read_text()) for name in "ab"]
-    assert results[1]["config"]["start"] == results[0]["parameters"]
+    done = run("tune-observer", "--config", tmp_path / "config.json", *log, "--out", tmp_path / "a")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "certified; slowest rate" in done.stdout and "held out" in done.stdout
     assert {path.name for path in (tmp_path / "a").glob("*.png")} == {"history.png", "log.png"}
+    result = json.loads((tmp_path / "a" / "result.json").read_text())
+    following = ObserverConfig.from_json(configuration(tmp_path / "a" / "result.json"))
+    assert following.start == result["parameters"] and following.observer == "constant"
+    assert configuration(None) == {} and configuration(tmp_path / "config.json") == config
 
 
 def test_encoder_takes_a_log_and_a_tuned_chain(tmp_path):
