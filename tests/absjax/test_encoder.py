@@ -2,7 +2,7 @@
 loops; over logs, sample by sample, in lanes; gradients; long and hard runs."""
 
 import dataclasses
-from functools import partial
+from functools import cache, partial
 
 import jax
 import jax.numpy as jnp
@@ -55,10 +55,18 @@ def chain(events=15, harmonics=6, **fields):
 
 
 ENCODER = Encoder.random(5, TEETH, tolerance=0.03, eccentricity=5e-4)
+SAMPLES = 900
+
+
+@cache
+def logged(clock=None):
+    """Edges of the wavy wheel, (SAMPLES, 3): one shape for most tests, so that they share programs."""
+    encoder = ENCODER if clock is None else dataclasses.replace(ENCODER, clock=clock)
+    return edges_of(encoder, rotation(SAMPLES), T, capacity=3)
 
 
 def test_edges_against_root_finding():
-    found = times(edges_of(ENCODER, rotation(700), T))
+    found = times(logged())
     share, phase = float(ENCODER.eccentricity / ENCODER.track_radius), float(ENCODER.phase)
 
     def position(time):
@@ -67,9 +75,9 @@ def test_edges_against_root_finding():
 
     # The first tooth that passes after time 0, and so on, each by root finding on the motion itself.
     places = PITCH * (np.arange(TEETH) + np.asarray(ENCODER.deviation))
-    every = np.concatenate([places + 2 * np.pi * turn for turn in range(12)])
-    inside = np.sort(every[(every > position(0.0)) & (every <= position(0.699))])
-    true = [optimize.brentq(lambda t, p=p: position(t) - p, -0.01, 0.8, xtol=1e-15, rtol=1e-15) for p in inside]
+    every = np.concatenate([places + 2 * np.pi * turn for turn in range(14)])
+    inside = np.sort(every[(every > position(0.0)) & (every <= position((SAMPLES - 1) * T))])
+    true = [optimize.brentq(lambda t, p=p: position(t) - p, -0.01, 1.0, xtol=1e-15, rtol=1e-15) for p in inside]
     assert found.size == len(true)
     np.testing.assert_allclose(found, true, atol=2e-13)
     angles = np.asarray([ENCODER.edge_angle(k) for k in range(3)])
@@ -91,8 +99,8 @@ def test_gradient_of_edge_times():
 
 
 def test_clock_jitter_and_missing_edges():
-    exact = times(edges_of(ENCODER, rotation(500), T))
-    ticked = times(edges_of(dataclasses.replace(ENCODER, clock=1e-5), rotation(500), T))
+    exact = times(logged())
+    ticked = times(logged(clock=1e-5))
     late = exact - ticked
     assert (late > -1e-12).all() and (late < 1e-5).all() and late.std() > 2e-6
     np.testing.assert_allclose(ticked / 1e-5, np.round(ticked / 1e-5), atol=1e-6)
@@ -110,7 +118,7 @@ def test_clock_jitter_and_missing_edges():
 
 
 def test_packing_a_log():
-    edges = in_ticks(edges_of(ENCODER, rotation(900), T), 1e-6)
+    edges = in_ticks(logged(), 1e-6)
     ticks = np.round(times(edges._replace(ages=edges.ages * 1e-6)) * 1e6).astype(np.int64)
     for start in (0, 3_600_000_000, 2**40):
         packed, instants = pack(ticks + start, 1000)
@@ -144,12 +152,12 @@ def test_conditioning_of_the_fit():
     [(2, 15, None, None), (2, 15, 6.0, None), (2, 15, None, 0.011), (3, 9, None, None)],
 )
 def test_time_stamping_against_polyfit(order, events, window, memory):
-    edges = edges_of(ENCODER, rotation(400), T)
+    edges = logged()
     stamping = TimeStamping(TEETH, events, order, window=window, memory=memory)
     found = estimate(WheelSpeedChain(stamping), edges, T)[0].measured
     n, instants, sizes = int(window or events), times(edges), set()
     usual = np.asarray(found.valid & found.regular)
-    for k in np.flatnonzero(usual)[::7]:
+    for k in np.flatnonzero(usual)[::19]:
         last = np.flatnonzero(instants <= k * T + 1e-12)[-1]
         if memory is not None:
             n = min(events, int((instants[: last + 1] >= k * T - memory).sum()))
@@ -164,7 +172,7 @@ def test_time_stamping_against_polyfit(order, events, window, memory):
         )
         angle = PITCH * (last + fit(now)) % (2 * np.pi)
         np.testing.assert_allclose(found.rotation.angle[k], angle, atol=1e-10)
-    assert usual.sum() > 300 and len(sizes) >= (3 if memory else 0)
+    assert usual.sum() > 800 and len(sizes) >= (3 if memory else 0)
 
 
 @pytest.mark.parametrize("memory", [None, 0.008])
@@ -237,7 +245,7 @@ def plain_compensation(c: HarmonicCompensation, measured, power, values):
 
 @pytest.mark.parametrize("filtered", [True, False])
 def test_compensation_against_a_plain_loop(filtered):
-    edges = edges_of(ENCODER, rotation(900), T)
+    edges = logged()
     parts = chain(harmonics=4, filter_regressor=filtered, gate=60.0, forgetting=0.7)
     found, state = estimate(parts, edges, T)
     measured = jax.tree.map(np.asarray, found.measured)
@@ -251,7 +259,7 @@ def test_compensation_against_a_plain_loop(filtered):
 def test_without_forgetting_the_coefficients_are_those_of_batch_least_squares():
     part = HarmonicCompensation("speed", 3, forgetting=1e-9, gain=1e17, cutoff=2.0)
     parts = WheelSpeedChain(TimeStamping(TEETH, 15), part)
-    found, state = estimate(parts, edges_of(ENCODER, rotation(700), T), T)
+    found, state = estimate(parts, logged(), T)
     measured, valid = found.measured, np.asarray(found.measured.valid)
     first = int(valid.argmax())
     b, a = signal.butter(1, 2.0, "high", fs=1 / T)
@@ -268,13 +276,13 @@ def test_without_forgetting_the_coefficients_are_those_of_batch_least_squares():
 
 def test_notch_against_scipy():
     parts = WheelSpeedChain(TimeStamping(TEETH, 15), None, NotchFilter("acceleration", depth=0.05, width=0.4))
-    found, _ = estimate(parts, edges_of(ENCODER, steady(500), T), T)
+    found, _ = estimate(parts, edges_of(ENCODER, steady(SAMPLES), T, 3), T)
     # On an encoder with errors the measured speed is not quite constant; hold it to have a filter that is.
     measured = found.measured
-    held = measured._replace(rotation=measured.rotation._replace(speed=jnp.full(500, SPEED)))
+    held = measured._replace(rotation=measured.rotation._replace(speed=jnp.full(SAMPLES, SPEED)))
     notch, state, out = parts.acceleration, parts.acceleration.at(jnp.float64), []
     step = jax.jit(notch.clean)
-    for i in range(500):
+    for i in range(SAMPLES):
         state, value = step(state, jax.tree.map(lambda x, i=i: x[i], held), T)
         out.append(float(value))
     warped = 2 / T * np.tan(SPEED * T / 2)
@@ -301,8 +309,9 @@ def test_sample_by_sample_in_parts_and_in_lanes():
         state, now = step(state, Edges(lone.ages[k], lone.count[k]), T)
         path.append(now)
     jax.tree.map(lambda a, *b: np.testing.assert_allclose(a, np.stack(b), rtol=1e-9, atol=1e-9), one, *path)
+    start = jax.tree.map(lambda x: jnp.broadcast_to(x, (3, *x.shape)), parts.at(jnp.float64, jnp.float64))
     head, tail = (jax.tree.map(lambda x, part=part: x[:, part], edges) for part in (slice(150), slice(150, None)))
-    _, middle = estimate(parts, head, T)
+    _, middle = estimate(parts, head, T, start=start)
     again, end = estimate(parts, tail, T, start=middle)
     np.testing.assert_allclose(again.acceleration, many.acceleration[:, 150:], rtol=1e-9, atol=1e-9)
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-9), end, after)
@@ -313,7 +322,7 @@ def test_sample_by_sample_in_parts_and_in_lanes():
 
 
 def test_dynamic_numbers_of_events_and_harmonics():
-    edges = edges_of(ENCODER, rotation(400), T)
+    edges = logged()
     few, _ = estimate(chain(9, 3), edges, T)
     wide = chain(15, 6, active=3.0)
     used, _ = estimate(dataclasses.replace(wide, stamping=TimeStamping(TEETH, 15, window=9.0)), edges, T)
@@ -322,7 +331,7 @@ def test_dynamic_numbers_of_events_and_harmonics():
 
 
 def test_gradients_against_differences():
-    edges, truth = edges_of(ENCODER, rotation(500), T), rotation(500)
+    edges, truth = jax.tree.map(lambda x: x[:500], logged()), rotation(500)
 
     @jax.jit
     def cost(x):
@@ -341,11 +350,11 @@ def test_gradients_against_differences():
 
 
 def test_single_precision_with_ticks_equals_double():
-    edges = in_ticks(edges_of(ENCODER, rotation(3000), T), 1e-6)
+    edges = in_ticks(logged(), 1e-6)
     parts = chain(harmonics=5)
     single, _ = estimate(parts, edges, 1000, jnp.float32(1e-6))
     double, _ = estimate(parts, edges, 1000, jnp.float64(1e-6))
-    exact, _ = estimate(parts, edges_of(ENCODER, rotation(3000), T), T)
+    exact, _ = estimate(parts, logged(), T)
     assert single.speed.dtype == jnp.float32 and double.speed.dtype == jnp.float64
     for name, least in (("speed", 1e-5), ("acceleration", 1e-3)):
         a, b, c = (np.asarray(getattr(x, name), float)[50:] for x in (single, double, exact))
@@ -361,7 +370,7 @@ def locked(samples=4000, at=2000, speed=100.0):
 
 @pytest.mark.parametrize(("dtype", "limit"), [(jnp.float32, None), (jnp.float64, 3000.0)])
 def test_a_sudden_lock_and_a_long_standstill(dtype, limit):
-    edges = in_ticks(edges_of(ENCODER, locked(), T), 1e-6)
+    edges = in_ticks(edges_of(ENCODER, locked(), T, capacity=3), 1e-6)
     last = int(np.flatnonzero(edges.count)[-1])
     parts = dataclasses.replace(chain(harmonics=3), stamping=TimeStamping(TEETH, 15, greatest_deceleration=limit))
     found, state = estimate(parts, edges, 1000, dtype(1e-6))
@@ -373,12 +382,13 @@ def test_a_sudden_lock_and_a_long_standstill(dtype, limit):
     assert (np.diff(measured) <= 0).all() and measured[-1] < 0.06
     assert abs(float(found.acceleration[-1])) < 0.1
     # Nothing is learned, nothing forgotten, and no time overflows.
-    nothing = Edges(jnp.zeros((4000, 1), jnp.int32), jnp.zeros(4000, jnp.int32))
+    turning = in_ticks(edges_of(ENCODER, steady(4000, 60.0), T, capacity=3), 1e-6)
+    nothing = turning._replace(count=0 * turning.count)
     still, rest = estimate(parts, nothing, 10**6, dtype(1e-6), start=state)
     jax.tree.map(lambda x: np.testing.assert_array_equal(np.isfinite(x), True), (still, rest))
     assert float(still.speed[-1]) == pytest.approx(0.0, abs=1e-4)
     np.testing.assert_array_equal(rest.speed.covariance, state.speed.covariance)
-    after, _ = estimate(parts, in_ticks(edges_of(ENCODER, steady(500, 60.0), T), 1e-6), 1000, dtype(1e-6), start=rest)
+    after, _ = estimate(parts, turning, 1000, dtype(1e-6), start=rest)
     assert np.asarray(after.measured.valid)[300:].all()
     np.testing.assert_allclose(np.asarray(after.measured.rotation.speed)[300:], 60.0, atol=2.0)
 
