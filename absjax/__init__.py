@@ -9,9 +9,11 @@ from absjax.control.slip import SlipControl
 from absjax.control.stiffness import StiffnessControl
 from absjax.control.tracking import AccelerationTracking
 from absjax.control.two_phase import TwoPhase
+from absjax.encoder.edges import Edges, edges_of
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.harmonics import HarmonicCompensation
 from absjax.encoder.notch import NotchFilter
+from absjax.encoder.rotation import Rotation
 from absjax.encoder.sensor import EncoderSensor
 from absjax.encoder.time_stamping import TimeStamping
 from absjax.encoder.wheel_speed import WheelSpeed, WheelSpeedChain
@@ -42,6 +44,7 @@ __all__ = [
     "Clamped",
     "ClosedLoop",
     "DriverBraking",
+    "Edges",
     "Encoder",
     "EncoderSensor",
     "ExponentialBasis",
@@ -56,6 +59,7 @@ __all__ = [
     "QuarterCar",
     "Rollout",
     "RolloutError",
+    "Rotation",
     "Sample",
     "SampledLoop",
     "SlipControl",
@@ -74,6 +78,7 @@ __all__ = [
     "WheelSpeedChain",
     "certify",
     "constant_stiffness",
+    "edges_of",
     "fit_exponential_basis",
     "known_road",
     "observe",

@@ -264,6 +264,16 @@ class SampledLoop:
             if getattr(self, name) < least:
                 raise ValueError(f"SampledLoop.{name} = {getattr(self, name)} must be >= {least}")
 
+    def require_step(self, step: float) -> None:
+        """Check the grid step [s] of a rollout.
+
+        Raises:
+            ValueError: if the loop would not tick as often as its sensor expects.
+        """
+        expected, period = getattr(self.sensor, "period", None), step * self.tick_every
+        if expected is not None and abs(period - expected) > 1e-6 * expected:
+            raise ValueError(f"a tick every {period:g} s; the sensor's period is {expected:g} s")
+
     def at(self, speed) -> SampledState:
         """State of free rolling at `speed` [m/s], the first command given at once."""
         state, zero = self.loop.at(speed), 0.0 * speed

@@ -157,6 +157,8 @@ def rollout(
             raise ValueError(f"{name} = {value} must be an integer >= {least}")
     if concrete(step) and not 0 < float(step) < np.inf:
         raise ValueError(f"step = {step} must be a positive number of seconds")
+    if concrete(step) and hasattr(system, "require_step"):
+        system.require_step(float(step))
     if save_every > steps:
         raise ValueError(f"save_every = {save_every} exceeds steps = {steps}")
     # Types are settled here, weak ones too, so that equal shapes never compile twice.

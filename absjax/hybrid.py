@@ -43,7 +43,10 @@ class HybridSystem(Protocol):
 
 
 class TickingSystem(HybridSystem, Protocol):
-    """A hybrid system with a discrete-time part that runs every `tick_every` grid steps."""
+    """A hybrid system with a discrete-time part that runs every `tick_every` grid steps.
+
+    It may have `require_step(step)`, which raises a ValueError for a grid step [s] it is not made for.
+    """
 
     tick_every: int
 

@@ -18,7 +18,10 @@ from absjax.vehicle import Signals
 
 
 class Sensor(Protocol):
-    """The sensors of `absjax.closed_loop.SampledLoop`. Scalars per lane."""
+    """The sensors of `absjax.closed_loop.SampledLoop`. Scalars per lane.
+
+    One that has a `period` [s] is for loops that tick as often; others refuse to roll out.
+    """
 
     def at(self, signals: Signals) -> tuple[Signals, Any]:
         """The signals as measured when the manoeuvre begins, the wheel having rolled as it does then, and the state.

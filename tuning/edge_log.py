@@ -9,6 +9,8 @@ import pandas as pd
 from tuning.logs import LogError, read_table
 
 FEWEST_REVOLUTIONS = 5
+SHORTEST_TICK = 1e-9
+"""s; half a second of shorter ones would not be told apart in 32 bits"""
 FASTEST = 700.0
 """Wheel speed that is not plausible any more, rad/s."""
 SLOWEST = 0.5
@@ -43,8 +45,8 @@ def read_edges(path: str | Path, *, teeth: int, clock: float = 1e-6, column: str
     path = Path(path)
     if teeth < 3:
         raise LogError(f"teeth = {teeth}; an encoder has at least 3")
-    if not 0 < clock < 1:
-        raise LogError(f"clock = {clock:g} s must lie between 0 and 1")
+    if not SHORTEST_TICK <= clock < 1:
+        raise LogError(f"clock = {clock:g} s must be at least {SHORTEST_TICK:g} and below 1")
     table = read_table(path)
     if column not in table.columns:
         raise LogError(f"{path}: no column {column!r}; there are {', '.join(map(str, table.columns))}")

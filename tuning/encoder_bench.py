@@ -18,16 +18,16 @@ from absjax.encoder.notch import NotchFilter
 from absjax.encoder.rotation import Rotation
 from absjax.encoder.time_stamping import TimeStamping
 from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
-from tuning.encoder_loop import braked_wheel
+from tuning.encoder_loop import PERIOD, braked_wheel
 
-PERIOD = 1e-3
-"""Between the samples of the control unit, s."""
 SPEED = 1020 * 2 * np.pi / 60
 """Of the constant reference, rad/s."""
 LEVELS = (107.0, 40.0, 80.0, 30.0, 107.0, 60.0, 90.0, 50.0)
 """Speeds of the varying reference, rad/s."""
 HELD, JOINED = 1.0, 1.5
 """Time for which a level is held, and from one to the next, s."""
+BRAKED = 2.5
+"""Longest braking of that reference, s."""
 REFERENCES = ("constant", "varying", "braking")
 SIGNALS = ("speed", "acceleration")
 

@@ -4,7 +4,7 @@ import dataclasses
 import math
 
 from absjax.encoder.encoder import Encoder
-from tuning.encoder_bench import REFERENCES, SIGNALS
+from tuning.encoder_bench import BRAKED, REFERENCES, SIGNALS
 from tuning.entries import Entries, choice, require
 from tuning.search import Box
 
@@ -75,7 +75,10 @@ class EncoderConfig(Entries):
         require("harmonics", self.harmonics, 2 * max(self.harmonics) < self.teeth, "below half the teeth")
         require("references", self.references, len(self.references) > 0, "not empty")
         require("settle", self.settle, 0 <= self.settle < self.duration, "in [0, duration)")
-        require("duration", self.duration, 0 < self.duration <= 600, "in (0, 600] s")
+        longest = 2 * BRAKED if "braking" in self.references else 600.0
+        require("duration", self.duration, 0 < self.duration <= longest, f"in (0, {longest:g}] s")
+        for name in ("filter_regressor", "through_edges"):
+            require(name, getattr(self, name), getattr(self, name) in (0, 1), "0 or 1")
         require("tolerance", self.tolerance, 0 <= self.tolerance <= 0.45, "in [0, 0.45] cycles")
         require("jitter", self.jitter, 0 <= self.jitter <= 0.1, "in [0, 0.1] cycles")
         require("eccentricity", self.eccentricity, 0 <= self.eccentricity <= 0.005, "in [0, 0.005] m")

@@ -15,7 +15,7 @@ MEASURED, COMPENSATED = {"color": "0.6", "lw": 0.8}, {"color": "C3", "lw": 1.1}
 
 
 def signals_figure(study: LogStudy):
-    """Both signals over time, measured and compensated, and the last tenth of a second of the log."""
+    """Both signals over time, measured and compensated, and the end of the log, a quarter of a second at most."""
     figure, axes = plt.subplots(2, 2, figsize=(12, 6.5), width_ratios=(2, 1))
     time = study.time[study.valid]
     late = time > time[-1] - min(0.25, 0.1 * (time[-1] - time[0]))

@@ -12,8 +12,10 @@ from tuning.edge_log import EdgeLog
 from tuning.encoder_bench import SIGNALS
 from tuning.logs import LogError
 
-PER_REVOLUTION = 128
-"""Points a revolution is resampled to for the spectrum."""
+PER_ORDER, FEWEST_POINTS = 4, 128
+"""Points a revolution is resampled to, for every order of the spectrum, and at least."""
+LARGEST_CAPACITY = 32
+"""Most edges between two samples."""
 MISSED = 1.6
 """An interval so many times those around it has an edge missing in it."""
 
@@ -79,12 +81,17 @@ def study_log(log: EdgeLog, chain: WheelSpeedChain, period: float = 1e-3) -> Log
         period: between samples [s], a whole number of ticks.
 
     Raises:
-        LogError: if it is not.
+        LogError: if it is not, or more than `LARGEST_CAPACITY` edges fall between two samples.
     """
     ticks = round(period / log.clock)
     if ticks < 1 or abs(ticks * log.clock - period) > 1e-6 * period:
         raise LogError(f"{log.name}: a period of {period:g} s is not a whole number of ticks of {log.clock:g} s")
     edges, instants = pack(log.stamps, ticks)
+    if edges.ages.shape[1] > LARGEST_CAPACITY:
+        raise LogError(
+            f"{log.name}: {edges.ages.shape[1]} edges within {period:g} s; {LARGEST_CAPACITY} at most. "
+            "A shorter period, or is the clock wrong?"
+        )
     found, state = estimate(chain, edges, ticks, jnp.asarray(log.clock, jnp.result_type(float)))
     coefficients = {
         signal: np.asarray(getattr(chain, signal).coefficients(getattr(state, signal)))
@@ -106,6 +113,9 @@ def tooth_errors(log: EdgeLog) -> ToothErrors:
     """Errors of the edges against a wheel whose speed changes little within two revolutions.
 
     The time of an edge is compared with the mean over the revolution around it, in which errors that repeat cancel.
+
+    Raises:
+        LogError: if a tooth is never seen.
     """
     steps = np.diff(log.stamps).astype(float)
     around = np.median(np.stack([np.roll(steps, i) for i in (-2, -1, 1, 2)]), axis=0)
@@ -127,6 +137,12 @@ def tooth_errors(log: EdgeLog) -> ToothErrors:
     centred = error - np.convolve(np.pad(error, half, mode="edge"), window, mode="valid")
     seen = np.isin(every[inner], tooth)
     index = every[inner] % log.teeth
+    unseen = np.setdiff1d(np.arange(log.teeth), index[seen])
+    if unseen.size:
+        raise LogError(
+            f"{log.name}: tooth {unseen[0]} of {log.teeth}, counted from the first edge, never passes "
+            f"({unseen.size} such teeth); is the number of teeth right?"
+        )
     mean = np.array([centred[seen & (index == k)].mean() for k in range(log.teeth)])
     return ToothErrors(index[seen], centred[seen], mean, int((passed - 1).sum()))
 
@@ -135,8 +151,8 @@ def order_spectrum(study: LogStudy, signal: str, compensated: bool, orders: int 
     """Amplitudes of a signal at 1, 2, ... times the wheel's frequency, (orders,); valid samples only."""
     values = getattr(study if compensated else study.measured, signal)[study.valid]
     angle = np.unwrap(study.measured.angle[study.valid])
-    turns = int((angle[-1] - angle[0]) / (2 * np.pi))
-    grid = angle[0] + 2 * np.pi / PER_REVOLUTION * np.arange(turns * PER_REVOLUTION)
+    turns, points = int((angle[-1] - angle[0]) / (2 * np.pi)), max(PER_ORDER * orders, FEWEST_POINTS)
+    grid = angle[0] + 2 * np.pi / points * np.arange(turns * points)
     resampled = np.interp(grid, angle, values)
     window = np.hanning(grid.size)
     spectrum = np.fft.rfft((resampled - resampled.mean()) * window) * 2 / window.sum()

@@ -34,6 +34,11 @@ class Edges(NamedTuple):
     """number of edges, int32"""
 
 
+def capacity_for(teeth: float) -> int:
+    """Most edges between two samples of a wheel that turns by so many teeth at most, errors of the teeth included."""
+    return int(np.ceil(teeth + 1e-9)) + 1
+
+
 class Place(NamedTuple):
     """Where an encoder is."""
 
@@ -161,14 +166,18 @@ def edges_of(encoder: Encoder, rotation: Rotation, period, capacity: int | None 
         ValueError: if the wheel turns backwards, or faster than the capacity allows for.
     """
     rotation = jax.tree.map(jnp.asarray, rotation)
+    if rotation.angle.shape[-1] < 2:
+        raise ValueError(f"rotation has {rotation.angle.shape[-1]} samples, two are needed")
     if all(map(concrete, rotation)):
+        if not all(np.isfinite(x).all() for x in rotation):
+            raise ValueError("rotation is not finite everywhere")
         turned = np.diff(np.asarray(rotation.angle), axis=-1)
         if min(turned.min(), np.min(rotation.speed)) < -BACKWARDS:
             raise ValueError("the wheel turns backwards; an encoder with one channel cannot tell")
-        needed = int(np.ceil(turned.max() / encoder.pitch + 1e-9)) + 1
+        needed = capacity_for(turned.max() / encoder.pitch)
         capacity = needed if capacity is None else capacity
-        if needed > capacity + 1:
-            raise ValueError(f"capacity = {capacity} edges between two samples, {needed - 1} are needed")
+        if needed > capacity:
+            raise ValueError(f"capacity = {capacity} edges between two samples, {needed} are needed")
     if capacity is None:
         raise ValueError("capacity must be given where the rotation is not known")
     dtype = rotation.angle.dtype
@@ -178,7 +187,8 @@ def edges_of(encoder: Encoder, rotation: Rotation, period, capacity: int | None 
 
 def in_ticks(edges: Edges, clock: float) -> Edges:
     """The same edges, ages in whole ticks of a clock [s], int32, rounded up as a counter does."""
-    return edges._replace(ages=jnp.ceil(edges.ages / clock * (1 - 1e-9)).astype(jnp.int32))
+    rounding = 1 - 4 * jnp.finfo(edges.ages.dtype).eps
+    return edges._replace(ages=jnp.ceil(edges.ages / clock * rounding).astype(jnp.int32))
 
 
 def pack(stamps: np.ndarray, period: int, capacity: int | None = None) -> tuple[Edges, np.ndarray]:
@@ -201,7 +211,7 @@ def pack(stamps: np.ndarray, period: int, capacity: int | None = None) -> tuple[
         raise ValueError(f"stamps must be a list of integers, not {stamps.dtype} of shape {stamps.shape}")
     if period < 1 or period != int(period):
         raise ValueError(f"period = {period} ticks must be an integer >= 1")
-    stamps = stamps.astype(np.int64)
+    stamps, period = stamps.astype(np.int64), int(period)
     if (np.diff(stamps) <= 0).any():
         at = int(np.argmax(np.diff(stamps) <= 0)) + 1
         raise ValueError(f"stamp {at} ({stamps[at]}) does not come after the one before it ({stamps[at - 1]})")

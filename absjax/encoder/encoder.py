@@ -15,10 +15,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from absjax.parameters import model, parameter
+from absjax.parameters import concrete, model, parameter
 
 NEWTON_STEPS = 5
-"""For an eccentricity of a tenth of the radius the fifth is below rounding."""
+LARGEST_SHARE = 0.1
+"""Largest eccentricity over radius, for which the fifth step is below rounding."""
 
 
 @model
@@ -42,6 +43,12 @@ class Encoder:
     def __post_init__(self):
         if jnp.shape(self.deviation)[-1] < 3:
             raise ValueError(f"Encoder.deviation has {jnp.shape(self.deviation)[-1]} teeth; an encoder has at least 3")
+        if concrete(self.eccentricity) and concrete(self.track_radius):
+            if np.max(np.asarray(self.eccentricity) / np.asarray(self.track_radius)) > LARGEST_SHARE:
+                raise ValueError(
+                    f"Encoder.eccentricity = {np.max(self.eccentricity):g} m is more than {LARGEST_SHARE:g} of the "
+                    f"track radius, {np.min(self.track_radius):g} m"
+                )
 
     @classmethod
     def ideal(cls, teeth: int = 60, **other: Any) -> "Encoder":

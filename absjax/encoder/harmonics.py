@@ -13,9 +13,11 @@ the fit, though: w_m = sum of L_i th_i, so that with
 
     Phi = sum over the edges of L_i (sin th_i, cos th_i, sin 2th_i, ...)
 
-in their place (`through_edges`) the relation is exact, for any number of edges, at any speed, and N / 2 harmonics hold
-every error that repeats. Signal and regressor pass the same high-pass filter, which leaves
-zeta = x' ϑ; ϑ follows by normalised recursive least squares with forgetting, exactly for samples held over Ts,
+in their place (`through_edges`) the relation is exact, for any number of edges, at any speed, and the largest M below
+N / 2 holds every error that repeats, but the one that alternates from tooth to tooth where N is even.
+
+Signal and regressor pass the same high-pass filter, which leaves zeta = x' ϑ; ϑ follows by normalised recursive least
+squares with forgetting, exactly for samples held over Ts,
 
     d = 1 + kappa x'x + Ts x'G x
     ϑ+ = ϑ + (Ts / d) G x (zeta - x'ϑ)

@@ -10,10 +10,9 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax import lax
 
-from absjax.encoder.edges import Place, passing_edges
+from absjax.encoder.edges import Place, capacity_for, passing_edges
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.rotation import Rotation
 from absjax.encoder.wheel_speed import WheelSpeed, WheelSpeedChain
@@ -51,7 +50,7 @@ class EncoderSensor:
     rolling: int = 2000
     """samples of free rolling before the manoeuvre"""
     period: float = 1e-3
-    """time between those samples, s"""
+    """time between those samples, and between the ticks of the loop, s"""
     capacity: int = 3
     """most edges between two samples"""
 
@@ -63,6 +62,8 @@ class EncoderSensor:
         for name in ("rolling", "capacity"):
             if getattr(self, name) < 1:
                 raise ValueError(f"EncoderSensor.{name} = {getattr(self, name)} must be >= 1")
+        if not 0 < self.period < 1:
+            raise ValueError(f"EncoderSensor.period = {self.period} s must lie between 0 and 1")
 
     def at(self, signals: Signals) -> tuple[Signals, Turning]:
         """Signals and state after free rolling at the speed the wheel has.
@@ -73,9 +74,9 @@ class EncoderSensor:
         speed = signals.wheel_speed
         if concrete(speed):
             teeth = float(jnp.max(speed)) * self.period / self.encoder.pitch
-            if teeth > self.capacity - 1:
+            if capacity_for(teeth) > self.capacity:
                 raise ValueError(
-                    f"EncoderSensor.capacity = {self.capacity} edges between two samples; {int(np.ceil(teeth)) + 1} "
+                    f"EncoderSensor.capacity = {self.capacity} edges between two samples; {capacity_for(teeth)} "
                     f"are needed, {teeth:.3g} teeth pass at {float(jnp.max(speed)):.4g} rad/s"
                 )
         axes = lane_axes(self)
@@ -88,7 +89,7 @@ class EncoderSensor:
         return self._told(signals, wheel), state
 
     def _rolled(self, speed) -> tuple[WheelSpeed, Turning]:
-        encoder = jax.tree.map(lambda x: jnp.asarray(x, speed.dtype), self.encoder)
+        encoder, chain_ = jax.tree.map(lambda x: jnp.asarray(x, speed.dtype), (self.encoder, self.chain))
         zero = 0.0 * speed
         place = Place.of(encoder, Rotation(zero, speed, zero))
 
@@ -96,10 +97,10 @@ class EncoderSensor:
             place, chain = carry
             after = place.rotation._replace(angle=place.rotation.angle + self.period * speed)
             edges, place = passing_edges(encoder, place, after, self.period, self.capacity)
-            chain, wheel = self.chain.absorb(chain, edges, self.period)
+            chain, wheel = chain_.absorb(chain, edges, self.period)
             return (place, chain), wheel
 
-        chain = jax.tree.map(lambda x: x + zero, self.chain.at(speed.dtype, speed.dtype))
+        chain = jax.tree.map(lambda x: x + zero, chain_.at(speed.dtype, speed.dtype))
         (place, chain), told = lax.scan(roll, (place, chain), None, length=self.rolling)
         return jax.tree.map(lambda x: x[-1], told), _turning(place, zero, chain)
 

@@ -52,7 +52,10 @@ class Stamps:
 
 
 class Weights(NamedTuple):
-    """Speed and acceleration as what they are, sums over the angles of the edges; shape (n,), newest first."""
+    """Speed and acceleration as what they are, sums over the angles of the edges; shape (n,), newest first.
+
+    0 where a signal is not that sum, but held to what the wait for the next edge tells.
+    """
 
     angle: jax.Array
     """of the edge, where it should be [rad]"""
@@ -67,8 +70,8 @@ class Measured(NamedTuple):
 
     rotation: Rotation
     """th [rad] in [0, 2 pi), from the first edge seen; w [rad/s] >= 0; w' [rad/s^2]"""
-    weights: Weights
-    """of the edges in speed and acceleration"""
+    weights: Weights | None
+    """of the edges in speed and acceleration; not kept over a log"""
     valid: jax.Array
     """n edges have been seen since the wheel last stood"""
     regular: jax.Array
@@ -203,24 +206,25 @@ class TimeStamping:
         speed = jnp.where(enough, jnp.maximum(found.slope, 0.0) * self.pitch / seconds, 0.0)
         acceleration = jnp.where(enough, found.curvature * self.pitch / seconds**2, 0.0)
         late = waited > LATE * usual
+        fitted = found.slope * self.pitch / seconds, acceleration
         speed, acceleration = self._held(speed, acceleration, waited, usual, late)
 
         turned = jnp.where(enough, jnp.clip(found.value, -FARTHEST, FARTHEST), 0.0)
         angle = self.pitch * ((stamps.tooth + turned) % self.teeth)
         weights = Weights(
             self.pitch * ((stamps.tooth + teeth) % self.teeth),
-            found.by_slope / seconds,
-            found.by_curvature / seconds**2,
+            jnp.where(speed == fitted[0], found.by_slope / seconds, 0.0),
+            jnp.where(acceleration == fitted[1], found.by_curvature / seconds**2, 0.0),
         )
         valid = enough & (stamps.edges >= window)
         regular = valid & ~late & (usual <= LONG * before)
         return Measured(Rotation(angle, speed, acceleration), weights, valid, regular)
 
     def _held(self, speed, acceleration, waited, usual, late):
-        """Speed and acceleration held to what the wait for the next edge tells.
+        """Speed and acceleration held to what the wait for the next edge tells, once it is late.
 
         A wheel that has not shown its next tooth has turned by less than one, w <= (2 pi / N) / waited; unless the
-        edge was missed: no wheel slows down faster than it can.
+        edge was missed: with a greatest deceleration the speed does not fall faster than that either.
         """
         bound = safe_divide(self.pitch, waited, waited > 0, jnp.inf)
         greatest = self.greatest_deceleration

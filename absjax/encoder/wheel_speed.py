@@ -7,11 +7,12 @@ from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from absjax.encoder.edges import Edges
 from absjax.encoder.time_stamping import Measured, Stamps, TimeStamping
-from absjax.parameters import lane_axes, model, part
+from absjax.parameters import concrete, lane_axes, model, part
 
 
 class Compensation(Protocol):
@@ -45,7 +46,7 @@ class WheelSpeed(NamedTuple):
     acceleration: jax.Array
     """estimate of w' [rad/s^2]"""
     measured: Measured
-    """angle, speed and acceleration of the time-stamping algorithm, not compensated"""
+    """what the time-stamping algorithm makes of the edges, not compensated"""
 
 
 @model
@@ -117,7 +118,7 @@ def estimate(
         What is known at every sample, and the state after the last.
 
     Raises:
-        ValueError: if shapes do not fit, or ages are integers and the period is not.
+        ValueError: if shapes do not fit, ages are integers and the period is not, or a cut-off is too high for it.
     """
     ages, count = jnp.asarray(edges.ages), jnp.asarray(edges.count)
     if ages.ndim not in (2, 3) or count.shape != ages.shape[:-1]:
@@ -128,6 +129,11 @@ def estimate(
     whole = jnp.issubdtype(ages.dtype, jnp.integer)
     if whole and int(period) != period:
         raise ValueError(f"period = {period} must be a whole number of ticks, as the ages are")
+    for part_ in (chain.speed, chain.acceleration):
+        cutoff = getattr(part_, "cutoff", None)
+        if cutoff is not None and all(map(concrete, (cutoff, period, tick))):
+            if np.max(cutoff) * float(period) * float(tick) >= 0.5:
+                raise ValueError(f"cutoff = {np.max(cutoff):g} Hz is not below half the sampling frequency")
     dtype = tick.dtype if hasattr(tick, "dtype") else jnp.result_type(float) if whole else ages.dtype
     chain = jax.tree.map(lambda x: jnp.asarray(x, dtype), chain)
     return _estimate(chain, Edges(ages, count), jnp.asarray(period, ages.dtype), jnp.asarray(tick, dtype), start)
@@ -138,7 +144,12 @@ def _estimate(chain, edges: Edges, period, tick, start):
     def one(chain, edges, start):
         first = chain.at(edges.ages.dtype, tick.dtype) if start is None else start
         step = jax.checkpoint(lambda state, now: chain.absorb(state, now, period, tick), prevent_cse=False)
-        final, path = lax.scan(step, first, edges)
+
+        def without_weights(state, now):
+            state, found = step(state, now)
+            return state, found._replace(measured=found.measured._replace(weights=None))
+
+        final, path = lax.scan(without_weights, first, edges)
         return path, final
 
     many = edges.ages.ndim == 3

@@ -307,7 +307,7 @@ def test_sample_by_sample_in_parts_and_in_lanes():
     step, state, path = jax.jit(parts.absorb), parts.at(jnp.float64, jnp.float64), []
     for k in range(300):
         state, now = step(state, Edges(lone.ages[k], lone.count[k]), T)
-        path.append(now)
+        path.append(now._replace(measured=now.measured._replace(weights=None)))
     jax.tree.map(lambda a, *b: np.testing.assert_allclose(a, np.stack(b), rtol=1e-9, atol=1e-9), one, *path)
     start = jax.tree.map(lambda x: jnp.broadcast_to(x, (3, *x.shape)), parts.at(jnp.float64, jnp.float64))
     head, tail = (jax.tree.map(lambda x, part=part: x[:, part], edges) for part in (slice(150), slice(150, None)))
@@ -368,11 +368,14 @@ def locked(samples=4000, at=2000, speed=100.0):
     return Rotation(speed * np.minimum(time, (at - 1) * T), turns, np.zeros(samples))
 
 
-@pytest.mark.parametrize(("dtype", "limit"), [(jnp.float32, None), (jnp.float64, 3000.0)])
-def test_a_sudden_lock_and_a_long_standstill(dtype, limit):
+@pytest.mark.parametrize(("dtype", "limit", "through"), [(jnp.float32, None, False), (jnp.float64, 3000.0, True)])
+def test_a_sudden_lock_and_a_long_standstill(dtype, limit, through):
     edges = in_ticks(edges_of(ENCODER, locked(), T, capacity=3), 1e-6)
     last = int(np.flatnonzero(edges.count)[-1])
-    parts = dataclasses.replace(chain(harmonics=3), stamping=TimeStamping(TEETH, 15, greatest_deceleration=limit))
+    parts = dataclasses.replace(
+        chain(harmonics=3, through_edges=through, cutoff=0.4),
+        stamping=TimeStamping(TEETH, 15, greatest_deceleration=limit),
+    )
     found, state = estimate(parts, edges, 1000, dtype(1e-6))
     jax.tree.map(lambda x: np.testing.assert_array_equal(np.isfinite(x), True), (found, state))
     since = (np.arange(last + 2, 4000) - last) * T
@@ -380,7 +383,7 @@ def test_a_sudden_lock_and_a_long_standstill(dtype, limit):
     slowest = -np.inf if limit is None else 103.0 - limit * since
     assert (measured <= np.maximum(PITCH / since, slowest) * (1 + 1e-5)).all() and (measured >= 0).all()
     assert (np.diff(measured) <= 0).all() and measured[-1] < 0.06
-    assert abs(float(found.acceleration[-1])) < 0.1
+    assert abs(float(found.acceleration[-1])) < 0.1 and abs(float(found.speed[-1])) < 0.1
     # Nothing is learned, nothing forgotten, and no time overflows.
     turning = in_ticks(edges_of(ENCODER, steady(4000, 60.0), T, capacity=3), 1e-6)
     nothing = turning._replace(count=0 * turning.count)
@@ -429,8 +432,8 @@ def test_500_kmh():
     fast = 500 / 3.6 / 0.3
     found, _ = estimate(chain(), edges_of(Encoder.random(1, TEETH), steady(3000, fast), T), T)
     assert np.asarray(found.measured.valid)[10:].all()
-    assert np.abs(np.asarray(found.speed)[-1000:] - fast).max() < 0.01 * fast
-    assert np.isfinite(found.acceleration).all()
+    compensated, measured = (np.asarray(x)[-1000:] - fast for x in (found.speed, found.measured.rotation.speed))
+    assert np.std(compensated) < 0.2 * np.std(measured) < 0.004 * fast
 
 
 def test_no_gradient_is_nan_through_lock_and_start():
@@ -440,7 +443,7 @@ def test_no_gradient_is_nan_through_lock_and_start():
         found, _ = estimate(parts, edges, T)
         return jnp.sum(found.speed**2) + jnp.sum(found.acceleration**2)
 
-    parts = jax.tree.map(jnp.asarray, chain(harmonics=2, gate=50.0))
+    parts = jax.tree.map(jnp.asarray, chain(harmonics=2, gate=50.0, through_edges=True))
     for leaf in jax.tree.leaves(jax.grad(cost)(parts)):
         assert np.isfinite(leaf).all()
 
@@ -450,6 +453,10 @@ def test_no_gradient_is_nan_through_lock_and_start():
     [
         (lambda: Encoder(np.zeros(2)), "Encoder.deviation has 2 teeth"),
         (lambda: Encoder(np.full(60, 0.6)), r"Encoder\.deviation = 0\.6"),
+        (lambda: Encoder.ideal(60, eccentricity=0.01), r"Encoder\.eccentricity = 0\.01 m is more than 0\.1 of"),
+        (lambda: edges_of(ENCODER, steady(1), T), "rotation has 1 samples, two are needed"),
+        (lambda: edges_of(ENCODER, steady(9, np.nan), T), "not finite"),
+        (lambda: estimate(chain(cutoff=600.0), logged(), T), "cutoff = 600 Hz is not below half the sampling"),
         (lambda: Encoder.ideal(60, clock=-1.0), r"Encoder\.clock = -1"),
         (lambda: TimeStamping(events=2), r"TimeStamping\.events = 2 must be an integer >= 3"),
         (lambda: TimeStamping(order=1), r"TimeStamping\.order = 1"),
@@ -460,7 +467,7 @@ def test_no_gradient_is_nan_through_lock_and_start():
         (lambda: WheelSpeedChain(TimeStamping(), NotchFilter("acceleration")), "WheelSpeedChain.speed compensates"),
         (lambda: chain(harmonics=30), "WheelSpeedChain.speed has 30 harmonics; 60 teeth tell 29 apart"),
         (lambda: edges_of(ENCODER, steady(9, -5.0), T), "turns backwards"),
-        (lambda: edges_of(ENCODER, steady(9, 400.0), T, capacity=2), "capacity = 2 edges between two samples, 4"),
+        (lambda: edges_of(ENCODER, steady(9, 400.0), T, capacity=2), "capacity = 2 edges between two samples, 5"),
         (lambda: estimate(chain(), Edges(jnp.zeros(5), jnp.zeros(5, int)), T), "shape"),
         (
             lambda: estimate(chain(), Edges(jnp.zeros((5, 2), jnp.int32), jnp.zeros(5, jnp.int32)), 0.5, 1e-6),

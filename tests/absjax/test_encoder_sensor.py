@@ -80,6 +80,11 @@ def test_errors_name_the_thing():
         EncoderSensor(Encoder.ideal(48), CHAIN)
     with pytest.raises(ValueError, match=r"EncoderSensor\.rolling = 0"):
         EncoderSensor(Encoder.ideal(60), CHAIN, rolling=0)
+    with pytest.raises(ValueError, match=r"EncoderSensor\.period = 0"):
+        EncoderSensor(Encoder.ideal(60), CHAIN, period=0.0)
+    slow = SampledLoop(LOOP, EncoderSensor(Encoder.ideal(60), CHAIN), tick_every=5)
+    with pytest.raises(ValueError, match=r"a tick every 0\.005 s; the sensor's period is 0\.001 s"):
+        rollout(slow, None, step=T, steps=10)
     fast = SampledLoop(LOOP, EncoderSensor(Encoder.ideal(60), CHAIN, capacity=2))
     with pytest.raises(
         ValueError, match=r"capacity = 2 edges between two samples; 3 are needed, 1.91 teeth pass at 200"

@@ -5,14 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import tuning
 from tuning.cli import configuration
-from tuning.config import TuningConfig
 from tuning.observer_config import ObserverConfig
-from tuning.tune_encoder import EncoderResult
 
 DATA = Path(tuning.__file__).parent / "data"
 
@@ -34,27 +31,6 @@ def test_identify_writes_result_and_figures(tmp_path):
         assert (tmp_path / figure).read_bytes().startswith(b"\x89PNG")
 
 
-def test_tune_abs_writes_a_result_it_can_go_on_from(tmp_path):
-    config = {
-        "controller": "slip",
-        "roads": ["dry_asphalt"],
-        "speeds_kmh": [25],
-        "stop_speed_kmh": 8,
-        "starts": 2,
-        "screened": 2,
-        "iterations": 2,
-        "refinements": 0,
-    }
-    (tmp_path / "config.json").write_text(json.dumps(config))
-    done = run("tune-abs", "--config", tmp_path / "config.json", "--out", tmp_path / "a")
-    assert done.returncode == 0, done.stdout + done.stderr
-    assert "2/2" in done.stdout and "dry asphalt" in done.stdout
-    assert {path.name for path in (tmp_path / "a").glob("*.png")} == {"distances.png", "history.png", "cycles.png"}
-    result = json.loads((tmp_path / "a" / "result.json").read_text())
-    following = TuningConfig.from_json(configuration(tmp_path / "a" / "result.json"))
-    assert following.start == result["parameters"] and following.roads == ("dry_asphalt",)
-
-
 def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):
     config = {"observer": "constant", "starts": 1, "screened": 1, "iterations": 2, "refinements": 0}
     (tmp_path / "config.json").write_text(json.dumps(config))
@@ -69,27 +45,14 @@ def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):
     assert configuration(None) == {} and configuration(tmp_path / "config.json") == config
 
 
-def test_encoder_takes_a_log_and_a_tuned_chain(tmp_path):
-    config = {"events": [12], "harmonics": [2], "encoders": 1, "held_out": 1, "references": ["constant"]}
-    config |= {"duration": 0.4, "settle": 0.2, "starts": 2, "screened": 2, "iterations": 2}
-    (tmp_path / "config.json").write_text(json.dumps(config))
-    tuned = run("tune-encoder", "--config", tmp_path / "config.json", "--out", tmp_path / "a")
-    assert tuned.returncode == 0, tuned.stdout + tuned.stderr
-    assert "n = 12, M = 2 of 1 pairs" in tuned.stdout
-    data = json.loads((tmp_path / "a" / "result.json").read_text())
-    result = EncoderResult.from_json(data)
-    assert json.loads(json.dumps(result.to_json())) == data
-    assert np.shape(result.history) == (2, 2) and np.min(result.history) <= result.history[0][0]
-    rows = {row["signals"]: row for row in result.held_out}
-    assert rows["measured"]["speed ratio"] == 1 < rows["tuned"]["speed ratio"]
-    chain = ("--chain", tmp_path / "a" / "result.json")
-    done = run("encoder", DATA / "encoder_edges.csv", "--out", tmp_path / "b", *chain)
+def test_encoder_takes_a_log(tmp_path):
+    done = run("encoder", DATA / "encoder_edges.csv", "--out", tmp_path, "--harmonics", "5")
     assert done.returncode == 0, done.stdout + done.stderr
-    result = json.loads((tmp_path / "b" / "result.json").read_text())
-    assert len(result["coefficients"]["speed"]) == 4 and len(result["tooth_errors"]) == 60
-    assert (tmp_path / "b" / "wheel_speed.csv").read_text().startswith("time_s,wheel_speed_rad_s,")
+    result = json.loads((tmp_path / "result.json").read_text())
+    assert len(result["coefficients"]["speed"]) == 10 and len(result["tooth_errors"]) == 60
+    assert (tmp_path / "wheel_speed.csv").read_text().startswith("time_s,wheel_speed_rad_s,")
     figures = {"signals.png", "spectrum.png", "teeth.png", "coefficients.png"}
-    assert {path.name for path in (tmp_path / "b").glob("*.png")} == figures
+    assert {path.name for path in tmp_path.glob("*.png")} == figures
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """Edge logs, the published table, tuning of the chain, and the stop told the truth."""
 
+import json
 from importlib import resources
 
 import jax
@@ -14,14 +15,16 @@ from tuning.encoder_config import EncoderConfig
 from tuning.encoder_log import order_spectrum, study_log, tooth_errors
 from tuning.encoder_loop import course, loop_row
 from tuning.encoder_study import tuned_chain
+from tuning.encoder_tasks import chain_for, tune
 from tuning.entries import ConfigError
+from tuning.files import read_json
 from tuning.logs import LogError
 from tuning.tune_encoder import (
+    EncoderResult,
     _costs,
     _costs_and_gradients,
     _shape,
     chain_of,
-    pair_costs,
     training_benches,
 )
 
@@ -35,7 +38,7 @@ SMALL = EncoderConfig(
     duration=0.6,
     settle=0.2,
     starts=2,
-    screened=2,
+    screened=16,
     iterations=2,
 )
 
@@ -48,14 +51,24 @@ def test_a_log_of_edges_tells_the_encoder_that_made_it():
     errors = tooth_errors(log)
     assert errors.missing == 2
     assert errors.eccentricity == pytest.approx(0.004, rel=0.03)
-    assert errors.tolerance == pytest.approx(0.006, rel=0.1)
+    assert errors.tolerance == pytest.approx(0.006, rel=0.1) and 0.0005 < errors.jitter < 0.0012
     study = study_log(log, filtered_chain())
     assert study.coefficients["speed"].shape == (12,)
     assert study.valid[100:].all() and np.isfinite(study.acceleration).all()
     measured, compensated = (order_spectrum(study, "acceleration", c, 6) for c in (False, True))
     assert (measured > 5 * compensated).all()
+    with pytest.raises(LogError, match=r"edges within 0\.1 s; 32 at most"):
+        study_log(log, filtered_chain(), period=0.1)
+    with pytest.raises(LogError, match=r"tooth \d+ of 60, counted from the first edge, never passes"):
+        tooth_errors(log_with_a_gap())
     with pytest.raises(LogError, match="not a whole number of ticks"):
         study_log(log, filtered_chain(), period=1.0005e-3)
+
+
+def log_with_a_gap():
+    """Of a ring with two teeth left out, as they mark a position."""
+    tooth = np.arange(1200)
+    return EdgeLog("gap", 1000 * tooth[tooth % 60 < 58], 1e-6, 60)
 
 
 @pytest.mark.parametrize(("name", "least"), [("constant", (7.5, 5.5)), ("varying", (3.5, 3.0))])
@@ -71,20 +84,45 @@ def test_published_ratios(name, least):
         assert (measured / mean_errors(bench, tuned_chain()) > filtered).all()
 
 
-def test_costs_of_pairs_are_those_of_their_chains_and_gradients_those_of_differences():
+def test_tuning_its_costs_and_gradients_and_what_it_writes(tmp_path):
+    report = tune(SMALL, tmp_path)
+    data = read_json(tmp_path / "result.json")
+    result = EncoderResult.from_json(data)
+    assert json.loads(json.dumps(result.to_json())) == data
+    assert {path.name for path in report.files} == {path.name for path in tmp_path.iterdir()}
+    assert np.shape(result.history) == (2, 2) and np.min(result.history) <= result.history[0][0]
+    rows = {row["signals"]: row for row in result.held_out}
+    assert rows["measured"]["speed ratio"] == 1 < rows["tuned"]["speed ratio"]
+    pairs = [(row["events"], row["harmonics"]) for row in result.grid]
+    assert pairs == [(8, 2), (8, 3), (12, 2), (12, 3)]
+    assert (result.events, result.harmonics) == pairs[int(np.argmin([row["cost"] for row in result.grid]))]
+
     benches, initial, box = training_benches(SMALL), SMALL.initial(), SMALL.box()
-    rows = pair_costs(SMALL, benches, initial)
-    assert [(row["events"], row["harmonics"]) for row in rows] == [(8, 2), (8, 3), (12, 2), (12, 3)]
     chain = chain_of(SMALL, initial, 8, 3)
     direct = np.mean([np.log(np.asarray(e)).mean() for bench in benches for e in bench.errors(chain)])
-    assert rows[1]["cost"] == pytest.approx(direct, rel=1e-9)
+    assert result.grid[1]["cost"] == pytest.approx(direct, rel=1e-9)
     point = box.point(initial) + 0.1 * np.arange(8)
-    fixed = (box, initial, 12, 3)
+    fixed = (box, initial, result.events, result.harmonics)
     steps = 1e-4 * np.concatenate([np.eye(8), -np.eye(8)])
     values = np.asarray(_costs(_shape(SMALL), benches, point + steps, *fixed))
-    cost, gradient = _costs_and_gradients(_shape(SMALL), benches, point[None], *fixed)
+    cost, gradient = _costs_and_gradients(_shape(SMALL), benches, np.stack([point, point]), *fixed)
     assert float(cost[0]) == pytest.approx(values.mean(), rel=1e-6)
     np.testing.assert_allclose(gradient[0], (values[:8] - values[8:]) / 2e-4, rtol=1e-5, atol=1e-8)
+
+
+def test_a_tuned_chain_is_taken_for_a_log_of_as_many_teeth():
+    with resources.as_file(LOG) as path, resources.as_file(LOG.parent / "encoder_chain.json") as tuned:
+        log = read_edges(path, teeth=60)
+        chain = chain_for(log, 15, None, tuned)
+        assert jax.tree.structure(chain) == jax.tree.structure(tuned_chain()) and not chain.speed.through_edges
+        every = chain_for(log, 15, None, None)
+        assert every.speed.harmonics == 29 and every.speed.through_edges
+        with pytest.raises(LogError, match="tuned for 60 teeth, the log is of 48"):
+            chain_for(EdgeLog("x", log.stamps, log.clock, 48), 15, None, tuned)
+        with pytest.raises(LogError, match="not a result of tune-encoder"):
+            chain_for(log, 15, None, tuned.parent / "controllers.json")
+        with pytest.raises(LogError, match="harmonics = 30 must lie between 1 and 29"):
+            chain_for(log, 15, 30, None)
 
 
 def test_references():
@@ -119,7 +157,7 @@ def good_log(edges=400):
         (lambda rows: rows[:5] + rows[3:], {}, "row 7: 5000003000 goes back in time; has the counter overflowed"),
         (lambda rows: rows[:200], {}, "200 edges, 5 revolutions of 60 needed"),
         (lambda rows: rows, {"clock": 1e-9}, "turns at 1.05e[+]05 rad/s; is the clock right"),
-        (lambda rows: rows, {"clock": -1.0}, "clock = -1 s must lie between 0 and 1"),
+        (lambda rows: rows, {"clock": -1.0}, "clock = -1 s must be at least 1e-09 and below 1"),
         (lambda rows: rows, {"teeth": 2}, "teeth = 2"),
         (lambda rows: rows, {"column": "stamp"}, "no column 'stamp'; there are edge_tick"),
     ],
@@ -145,6 +183,9 @@ def test_large_ticks_are_read_exactly(tmp_path):
         ({"start": {"beta": 1.0}}, "'beta' is unknown; there are speed_forgetting"),
         ({"references": ["sinusoid"]}, "references: 'sinusoid' is unknown"),
         ({"events": [2]}, "events = .* whole numbers of at least 3"),
+        ({"duration": 9.0}, r"duration = 9.0 must be in \(0, 5\] s"),
+        ({"through_edges": 2}, "through_edges = 2 must be 0 or 1"),
+        ({"harmonics": [30]}, "harmonics = .* below half the teeth"),
         ({"settle": 9.0}, "settle = 9.0 must be in"),
         ({"tolerance": -1.0}, "tolerance"),
         ({"limits": {"speed_gain": [3.0, 2.0]}}, "limits.speed_gain"),

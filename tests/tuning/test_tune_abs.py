@@ -5,9 +5,11 @@ import json
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from absjax.road import SURFACES
 from tuning.batch import build, judge
+from tuning.cli import app, configuration
 from tuning.config import ConfigError, TuningConfig
 from tuning.demo import limited
 from tuning.files import read_json, write_json
@@ -44,6 +46,17 @@ def test_tuning_shortens_the_worst_stop(result):
     assert tuned.cost == pytest.approx(max(worst["tuned"], worst["sampled"]), abs=1e-9)
     assert [entry[0] for entry in seen] == list(range(1, 13)) and seen[-1][2] < seen[0][2]
     assert len(tuned.history) == 12 and len(tuned.history[0]) == 2
+
+
+def test_the_command_writes_the_same_and_can_go_on(result, tmp_path):
+    config = write_json(tmp_path / "config.json", SMALL.to_json())
+    done = CliRunner().invoke(app, ["tune-abs", "--config", str(config), "--out", str(tmp_path / "a")])
+    assert done.exit_code == 0, done.output
+    assert "12/12" in done.output and "dry asphalt" in done.output
+    assert {path.name for path in (tmp_path / "a").glob("*.png")} == {"distances.png", "history.png", "cycles.png"}
+    assert TuningResult.from_json(read_json(tmp_path / "a" / "result.json")).parameters == result[0].parameters
+    following = TuningConfig.from_json(configuration(tmp_path / "a" / "result.json"))
+    assert following.start == result[0].parameters and following.roads == SMALL.roads
 
 
 def test_limits_hold(result):
