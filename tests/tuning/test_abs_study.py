@@ -5,12 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from absjax.cycles.two_phase import two_phase_cycle
 from absjax.manoeuvre import Outcome
-from absjax.road import SURFACES
 from tuning import phase_study, robustness
-from tuning.batch import build
-from tuning.config import TuningConfig
 from tuning.controllers import CONTROLLERS
 from tuning.cycles import CONTRACTION_CHARGE, CycleRow, certify_cycles, exact_charges
 from tuning.distance_study import (
@@ -24,7 +20,6 @@ from tuning.distance_study import (
     reached,
     tuned_sets,
 )
-from tuning.tune_abs import descend
 
 
 def test_every_controller_has_a_tuned_set():
@@ -82,35 +77,6 @@ def test_a_certificate_needs_the_observer_too():
     observed = dataclasses.replace(sound, observer_status="FOUND", with_observer=0.999)
     assert observed.certified and not dataclasses.replace(observed, with_observer=1.1).certified
     assert not dataclasses.replace(observed, observer_status="NOT_CONVERGED", with_observer=None).certified
-
-
-def test_tuning_two_phases_under_a_limit_on_contraction():
-    config = TuningConfig(
-        controller="two_phase",
-        roads=("dry_asphalt",),
-        speeds_kmh=(40.0,),
-        cycle_speeds_kmh=(40.0,),
-        stop_speed_kmh=10.0,
-        rate_limit=None,
-        lag=None,
-        largest_contraction=0.1,
-        tune=("zref", "gain", "chi_b"),
-        start={"gain": 40.0, "zref": 20.0, "chi_a": -0.1, "chi_b": 0.5},
-        starts=1,
-        screened=1,
-        iterations=10,
-        learning_rate=0.2,
-    )
-    box = config.box()
-    (end, start), history = descend(config, build(config), box)
-    road = SURFACES["dry_asphalt"]
-
-    def contraction(point):
-        values = {**config.start, **{name: float(value) for name, value in box.values(point).items()}}
-        return float(two_phase_cycle(road.c2, road.c2 * road.c3, **values).contraction)
-
-    assert contraction(start) > 0.12 and contraction(end) < 0.105
-    assert min(costs[0] for costs in history) < history[0][0]
 
 
 def test_scattered_stops_are_reproducible_and_summarised():
