@@ -5,7 +5,8 @@ does not say how; here levels between 30 and 107 rad/s, held for 1 s and joined 
 one rolls freely at 130 km/h, then brakes under five phases on dry concrete.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -148,3 +149,20 @@ def mean_errors(bench: Bench, chain: WheelSpeedChain) -> tuple[float, float]:
     """Rms error of speed [rad/s] and acceleration [rad/s^2], mean over the encoders."""
     speed, acceleration = _errors(bench, chain)
     return float(speed.mean()), float(acceleration.mean())
+
+
+def ratio_rows(bench: Bench, chains: Mapping[str, WheelSpeedChain], **about: Any) -> list[dict[str, Any]]:
+    """Rms errors of the chains, mean over encoders, and how many times smaller than those of the first chain.
+
+    Args:
+        about: columns that stand before, the same in every row.
+    """
+    rows, measured = [], None
+    for label, chain in chains.items():
+        errors = mean_errors(bench, chain)
+        measured = measured or errors
+        row = {**about, "signals": label}
+        for signal, error, before in zip(SIGNALS, errors, measured):
+            row |= {f"{signal} rms": round(error, 4), f"{signal} ratio": round(before / error, 2)}
+        rows.append(row)
+    return rows

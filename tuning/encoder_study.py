@@ -24,10 +24,10 @@ from tuning.encoder_bench import (
     enough_harmonics,
     filtered_chain,
     joined,
-    mean_errors,
     measured_chain,
     notch_chain,
     published_chain,
+    ratio_rows,
     reference,
 )
 from tuning.encoder_loop import Course
@@ -60,20 +60,8 @@ def table_chains() -> dict[str, WheelSpeedChain]:
     }
 
 
-def ratio_rows(
-    encoder: Encoder, name: str, chains: Mapping[str, WheelSpeedChain], **about: Any
-) -> list[dict[str, Any]]:
-    """Rms errors of the chains, mean over encoders, and how many times smaller than those of the first chain."""
-    bench = bench_of(encoder, name, DURATION, SETTLE)
-    rows, measured = [], None
-    for label, chain in chains.items():
-        errors = mean_errors(bench, chain)
-        measured = measured or errors
-        row = {"reference": name, **about, "signals": label}
-        for signal, error, before in zip(SIGNALS, errors, measured):
-            row |= {f"{signal} rms": round(error, 4), f"{signal} ratio": round(before / error, 2)}
-        rows.append(row)
-    return rows
+def _rows(encoder: Encoder, name: str, chains: Mapping[str, WheelSpeedChain], **about: Any) -> list[dict[str, Any]]:
+    return ratio_rows(bench_of(encoder, name, DURATION, SETTLE), chains, reference=name, **about)
 
 
 def table_rows(seeds: int = 16) -> list[dict[str, Any]]:
@@ -81,7 +69,7 @@ def table_rows(seeds: int = 16) -> list[dict[str, Any]]:
     encoder, chains = Encoder.random(range(seeds), TEETH), table_chains()
     tuned = tuned_chain()
     chains[f"RLS, M = {tuned.speed.harmonics}, tuned"] = tuned
-    return [row for name in ("constant", "varying") for row in ratio_rows(encoder, name, chains)]
+    return [row for name in ("constant", "varying") for row in _rows(encoder, name, chains)]
 
 
 def encoder_rows(seeds: int = 16) -> list[dict[str, Any]]:
@@ -99,7 +87,7 @@ def encoder_rows(seeds: int = 16) -> list[dict[str, Any]]:
     return [
         row
         for about, other in cases.items()
-        for row in ratio_rows(Encoder.random(range(seeds), TEETH, **other), "constant", kept, encoders=about)
+        for row in _rows(Encoder.random(range(seeds), TEETH, **other), "constant", kept, encoders=about)
     ]
 
 

@@ -39,7 +39,7 @@ from tuning.logs import LogError
 from tuning.observers import KINDS
 from tuning.report import Report
 from tuning.search import Progress
-from tuning.tune_encoder import EncoderResult, training_benches, tune_encoder
+from tuning.tune_encoder import EncoderResult, cost_of, training_benches, tune_encoder
 
 LOOP_EVENTS = 12
 LOOP_TOLERANCE, LOOP_ECCENTRICITY = 0.004, 2.5e-4
@@ -154,12 +154,8 @@ def tune(config: EncoderConfig, out: Path, progress: Progress = lambda i, n, cos
 
 def _measured_costs(config: EncoderConfig) -> dict[int, float]:
     """Cost of the measured signals by number of events."""
-    benches, found = training_benches(config), {}
-    for events in map(int, config.events):
-        chain = measured_chain(config.teeth, events)
-        errors = [np.log(np.asarray(e)).mean() for bench in benches for e in bench.errors(chain)]
-        found[events] = float(np.mean(errors))
-    return found
+    benches = training_benches(config)
+    return {n: float(cost_of(benches, measured_chain(config.teeth, n))) for n in map(int, config.events)}
 
 
 def study(out: Path, encoders: int = 20, hours: float = 1.0) -> Iterator[Report]:

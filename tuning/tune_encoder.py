@@ -18,7 +18,7 @@ from absjax.encoder.harmonics import HarmonicCompensation
 from absjax.encoder.time_stamping import TimeStamping
 from absjax.encoder.wheel_speed import WheelSpeedChain
 from tuning import search
-from tuning.encoder_bench import SIGNALS, Bench, bench_of, mean_errors
+from tuning.encoder_bench import SIGNALS, Bench, bench_of, ratio_rows
 from tuning.encoder_config import EncoderConfig
 from tuning.search import Box, Progress
 from tuning.version import VERSION
@@ -74,14 +74,15 @@ def training_benches(config: EncoderConfig) -> tuple[Bench, ...]:
     return tuple(bench_of(encoder, name, config.duration, config.settle) for name in config.references)
 
 
-def _cost(benches: tuple[Bench, ...], chain: WheelSpeedChain):
+def cost_of(benches: tuple[Bench, ...], chain: WheelSpeedChain):
+    """Mean logarithm of the rms errors of a chain; traceable."""
     errors = [jnp.log(error).mean() for bench in benches for error in bench.errors(chain)]
     return sum(errors) / len(errors)
 
 
-@partial(jax.jit, static_argnames=("config", "events", "harmonics"))
-def _pair_cost(config, benches, parameters, events: int, harmonics: int, window, active):
-    return _cost(benches, chain_of(config, parameters, events, harmonics, window, active))
+@partial(jax.jit, static_argnames=("shape", "events", "harmonics"))
+def _pair_cost(shape, benches, parameters, events: int, harmonics: int, window, active):
+    return cost_of(benches, chain_of(shape, parameters, events, harmonics, window, active))
 
 
 def pair_costs(config: EncoderConfig, benches: tuple[Bench, ...], parameters: Mapping[str, float]):
@@ -109,7 +110,7 @@ def _shape(config: EncoderConfig) -> _Shape:
 @partial(jax.jit, static_argnames=("shape", "box", "events", "harmonics"))
 def _costs_and_gradients(shape: _Shape, benches, points, box: Box, fixed, events: int, harmonics: int):
     def cost(point):
-        return _cost(benches, chain_of(shape, {**fixed, **box.values(point)}, events, harmonics))
+        return cost_of(benches, chain_of(shape, {**fixed, **box.values(point)}, events, harmonics))
 
     def one(point):
         # Forward mode: few parameters, and no state of the chain to be kept for thousands of samples.
@@ -122,7 +123,7 @@ def _costs_and_gradients(shape: _Shape, benches, points, box: Box, fixed, events
 @partial(jax.jit, static_argnames=("shape", "box", "events", "harmonics"))
 def _costs(shape: _Shape, benches, points, box: Box, fixed, events: int, harmonics: int):
     return jax.lax.map(
-        lambda point: _cost(benches, chain_of(shape, {**fixed, **box.values(point)}, events, harmonics)), points
+        lambda point: cost_of(benches, chain_of(shape, {**fixed, **box.values(point)}, events, harmonics)), points
     )
 
 
@@ -171,11 +172,5 @@ def held_out_rows(config: EncoderConfig, before, after, events: int, harmonics: 
     }
     rows = []
     for name in config.references:
-        bench = bench_of(encoder, name, config.duration, config.settle)
-        errors = {label: mean_errors(bench, chain) for label, chain in chains.items()}
-        for label, found in errors.items():
-            row = {"reference": name, "signals": label}
-            for signal, error, measured in zip(SIGNALS, found, errors["measured"]):
-                row |= {f"{signal} rms": round(error, 4), f"{signal} ratio": round(measured / error, 2)}
-            rows.append(row)
+        rows += ratio_rows(bench_of(encoder, name, config.duration, config.settle), chains, reference=name)
     return rows
