@@ -1,7 +1,7 @@
 """A differentiable JAX model of anti-lock braking."""
 
 from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop, SampledLoop
+from absjax.closed_loop import ClosedLoop
 from absjax.control.bosch import BoschLogic
 from absjax.control.driver import DriverBraking
 from absjax.control.five_phase import FivePhase
@@ -9,6 +9,7 @@ from absjax.control.slip import SlipControl
 from absjax.control.stiffness import StiffnessControl
 from absjax.control.tracking import AccelerationTracking
 from absjax.control.two_phase import TwoPhase
+from absjax.driver import Driver, FreeRamp
 from absjax.encoder.edges import Edges, edges_of
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.harmonics import HarmonicCompensation
@@ -19,6 +20,7 @@ from absjax.encoder.time_stamping import TimeStamping
 from absjax.encoder.wheel_speed import WheelSpeed, WheelSpeedChain
 from absjax.engine import Rollout, RolloutError, Status, rollout
 from absjax.hybrid import FINISHED, HybridSystem, Smooth, TickingSystem
+from absjax.ideal import ideal_distance
 from absjax.manoeuvre import Outcome, Stop, stop
 from absjax.observers.adaptive import AdaptiveObserver
 from absjax.observers.certificate import Certificate, certify
@@ -26,6 +28,7 @@ from absjax.observers.clamped import Clamped
 from absjax.observers.sampled import Observation, ObserverStatus, Sample, observe
 from absjax.observers.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
 from absjax.road import SURFACES, ChangingRoad, UniformRoad, surface
+from absjax.sampled_loop import SampledLoop
 from absjax.sensor import NoisySensor
 from absjax.tyre import Burckhardt, ExponentialBasis, fit_exponential_basis
 from absjax.vehicle import GRAVITY, QuarterCar, TestRig, Wheel
@@ -43,12 +46,14 @@ __all__ = [
     "ChangingRoad",
     "Clamped",
     "ClosedLoop",
+    "Driver",
     "DriverBraking",
     "Edges",
     "Encoder",
     "EncoderSensor",
     "ExponentialBasis",
     "FivePhase",
+    "FreeRamp",
     "HarmonicCompensation",
     "HybridSystem",
     "NoisySensor",
@@ -80,6 +85,7 @@ __all__ = [
     "constant_stiffness",
     "edges_of",
     "fit_exponential_basis",
+    "ideal_distance",
     "known_road",
     "observe",
     "rollout",

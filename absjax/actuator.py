@@ -5,7 +5,8 @@ Each piece is optional, and absent when None:
 * rate limit: |dPb/dt| <= limit
 * pure delay, by its second-order Pade approximant (1 - s h/2 + s^2 h^2/12) / (1 + s h/2 + s^2 h^2/12)
 * first-order lag: tau Pb' = P - Pb
-* limits 0 <= P <= driver pressure on the commanded pressure; reaching one is an event of the closed loop
+
+What bounds the pressure is the driver's, see `absjax.driver`.
 """
 
 from typing import Any, NamedTuple
@@ -34,12 +35,6 @@ class Brake:
     rate_limit: jax.Array | float | None = parameter("largest |dPb/dt|, bar/s", default=None, low=0.0, open_low=True)
     lag: jax.Array | float | None = parameter("tau, first-order lag, s", default=None, low=0.0, open_low=True)
     delay: jax.Array | float | None = parameter("h, pure delay, s", default=None, low=0.0, open_low=True)
-    driver_pressure: jax.Array | float | None = parameter(
-        "largest commanded pressure, bar; None leaves the pressure free, negative values included",
-        default=None,
-        low=0.0,
-        open_low=True,
-    )
 
     def at(self, pressure: Any = 0.0) -> BrakeState:
         """State of rest at `pressure` [bar]."""

@@ -1,4 +1,4 @@
-"""A stop: from a speed down to the stop speed under an anti-lock controller, and how good it was."""
+"""A stop: from a speed and the first touch of the pedal down to the stop speed, and how good it was."""
 
 import enum
 import math
@@ -6,12 +6,14 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from absjax._numerics import safe_divide
-from absjax.closed_loop import LOCKED, ClosedLoop, SampledLoop
+from absjax.closed_loop import ClosedLoop
 from absjax.engine import Rollout, Status, rollout
 from absjax.hybrid import UNDEFINED
 from absjax.parameters import concrete
+from absjax.sampled_loop import SampledLoop
 from absjax.vehicle import GRAVITY
 
 
@@ -22,30 +24,31 @@ class Outcome(enum.IntEnum):
     """At the stop speed."""
     STILL_MOVING = 1
     """The horizon was too short."""
-    LOCKED = 2
-    """The wheel locked; distances count the rest of the way on the locked wheel."""
-    BUDGET_EXHAUSTED = 3
+    BUDGET_EXHAUSTED = 2
     """More switchings than `max_events`."""
-    DIVERGED = 4
+    DIVERGED = 3
     """The state left the finite numbers."""
-    CONTROL_UNDEFINED = 5
+    CONTROL_UNDEFINED = 4
     """The controller came to where its law is not defined; distances are those up to there."""
 
 
 class Stop(NamedTuple):
-    """Result of a stop; arrays (lanes,), or scalars without lanes.
+    """Result of a stop; arrays (lanes,), or scalars without lanes. `absjax.ideal.ideal_distance` is what to compare with.
 
     Attributes:
         distance: travelled from the first touch of the pedal to the stop speed [m].
         duration: time that took [s].
-        mean_friction: mean deceleration over g from the controller's first switching on.
-        efficiency: mean friction over the largest friction the road offers, in [0, 1] or so.
-        equivalent_distance: v0^2 / (2 g mean friction) [m], as published distances are computed
-            (Aguado-Rojas 2019, Table 4.1).
-        ideal_distance: the same with the largest friction the road offers [m].
+        mean_friction: mean deceleration over g from the controller's first switching on, over time.
+        published_quantity: v0^2 / (2 g mean friction) [m], as published distances are computed (Aguado-Rojas 2019,
+            Table 4.1). What is lost before the first switching does not count in it.
+        onset_time: of the first switching, from the first touch of the pedal [s]; 0 without one.
+        onset_speed: vehicle speed then [m/s].
         cycles: cycles of the controller.
         longest_cycle: longest time between the starts of two cycles, or from the last one to the end [s]:
             a controller that sticks in a phase shows here. Differentiable. 0 for one that does not cycle.
+        lock_time: how long the wheel was locked above 15 km/h, and above 2.5 km/h [s]. Differentiable.
+        longest_lock: longest lock above 15 km/h, and above 2.5 km/h [s]. Differentiable.
+        locks: how often the wheel locked.
         outcome: an `Outcome` code.
         rollout: the rollout behind it.
     """
@@ -53,11 +56,14 @@ class Stop(NamedTuple):
     distance: jax.Array
     duration: jax.Array
     mean_friction: jax.Array
-    efficiency: jax.Array
-    equivalent_distance: jax.Array
-    ideal_distance: jax.Array
+    published_quantity: jax.Array
+    onset_time: jax.Array
+    onset_speed: jax.Array
     cycles: jax.Array
     longest_cycle: jax.Array
+    lock_time: tuple[jax.Array, jax.Array]
+    longest_lock: tuple[jax.Array, jax.Array]
+    locks: jax.Array
     outcome: jax.Array
     rollout: Rollout
 
@@ -94,7 +100,7 @@ def stop(
     if not 0 < horizon < math.inf:
         raise ValueError(f"horizon = {horizon} must be a positive number of seconds")
     if concrete(speed) and concrete(base.stop_speed):
-        if not bool(jnp.all(jnp.isfinite(speed) & (jnp.asarray(speed) > base.stop_speed))):
+        if not np.all(np.isfinite(speed) & (np.asarray(speed) > np.asarray(base.stop_speed))):
             raise ValueError(f"speed = {speed} must be finite and above the stop speed {base.stop_speed} m/s")
     speed = jnp.asarray(speed, jnp.result_type(float) if not hasattr(speed, "dtype") else speed.dtype)
     result = rollout(
@@ -115,43 +121,34 @@ def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
     state = result.state.loop if hasattr(result.state, "loop") else result.state
     memory, plant = state.memory, state.plant
     end_speed = loop.plant.speed_of(result.time, plant)
-    position = loop.plant.position(result.time, plant)
-    locked = result.mode == LOCKED
-
-    # On a locked wheel the rest of the way is braked by mu(-1).
-    sliding = GRAVITY * jnp.maximum(-loop.plant.road.friction(-jnp.ones_like(end_speed), result.time, position), 1e-3)
-    rest = jnp.where(locked, end_speed - loop.stop_speed, 0.0)
-    duration = result.time + rest / sliding
-    distance = position + jnp.where(locked, (end_speed**2 - loop.stop_speed**2) / (2 * sliding), 0.0)
-    final_speed = jnp.where(locked, loop.stop_speed, end_speed)
-
-    active = duration - memory.onset_time
-    mean_friction = safe_divide(memory.onset_speed - final_speed, GRAVITY * active, active > 0)
-    peak = loop.plant.road.mean_peak_friction((memory.onset_time, memory.onset_position), (result.time, position))
-    equivalent = safe_divide(speed**2, 2 * GRAVITY * mean_friction, mean_friction > 0, jnp.inf)
+    locks = loop.locks(result.time, state, result.mode)
+    active = result.time - memory.onset_time
+    mean_friction = safe_divide(memory.onset_speed - end_speed, GRAVITY * active, active > 0)
     outcome = jnp.select(
         [
-            locked,
             result.mode == UNDEFINED,
             result.status == Status.FINISHED,
             result.status == Status.COMPLETED,
             result.status == Status.DIVERGED,
         ],
-        [Outcome.LOCKED, Outcome.CONTROL_UNDEFINED, Outcome.STOPPED, Outcome.STILL_MOVING, Outcome.DIVERGED],
+        [Outcome.CONTROL_UNDEFINED, Outcome.STOPPED, Outcome.STILL_MOVING, Outcome.DIVERGED],
         Outcome.BUDGET_EXHAUSTED,
     )
-    longest = jnp.maximum(memory.longest_cycle, result.time - memory.cycle_time)
+    longest = jnp.maximum(memory.longest_cycle, result.time - jnp.maximum(memory.cycle_time, memory.pedal_time))
     if loop.controller.cycle_phase is None:
         longest = 0.0 * longest
     return Stop(
-        distance=distance,
-        duration=duration,
+        distance=loop.plant.position(result.time, plant) - memory.pedal_position,
+        duration=result.time - memory.pedal_time,
         mean_friction=mean_friction,
-        efficiency=mean_friction / peak,
-        equivalent_distance=equivalent,
-        ideal_distance=speed**2 / (2 * GRAVITY * peak),
+        published_quantity=safe_divide(speed**2, 2 * GRAVITY * mean_friction, mean_friction > 0, jnp.inf),
+        onset_time=jnp.maximum(memory.onset_time - memory.pedal_time, 0.0),
+        onset_speed=memory.onset_speed,
         cycles=memory.cycles,
         longest_cycle=longest,
+        lock_time=locks.time,
+        longest_lock=locks.longest,
+        locks=locks.count,
         outcome=outcome,
         rollout=result,
     )

@@ -85,12 +85,22 @@ def _check(owner: str, field: dataclasses.Field, value: Any) -> None:
         )
 
 
+def _check_order(instance: Any) -> None:
+    for low, high, margin in getattr(instance, "ordered", ()):
+        a, b = getattr(instance, low), getattr(instance, high)
+        if concrete(a) and concrete(b) and not np.all(np.less_equal(np.add(a, margin), b)):
+            owner = type(instance).__name__
+            raise ValueError(f"{owner}.{high} = {b} must be at least {low} + {margin:g} = {np.add(a, margin)}")
+
+
 @dataclass_transform(frozen_default=True, field_specifiers=(parameter, dataclasses.field))
 def model(cls: type[T]) -> type[T]:
     """Make `cls` a frozen dataclass and a pytree: `parameter` fields and nested models are children.
 
+    A class may declare pairs of fields that have to keep an order, `ordered`: (lower, higher, by how much at least).
+
     Raises:
-        ValueError: at construction, when a value is not a finite number inside its bounds. The
+        ValueError: at construction, when a value is not a finite number inside its bounds, or two are out of order. The
             message names class, field, value and what is allowed.
     """
     own_post_init = cls.__dict__.get("__post_init__")
@@ -101,6 +111,7 @@ def model(cls: type[T]) -> type[T]:
                 _check(type(self).__name__, field, getattr(self, field.name))
         if own_post_init is not None:
             own_post_init(self)
+        _check_order(self)
 
     cls.__post_init__ = __post_init__
     cls = dataclasses.dataclass(frozen=True)(cls)

@@ -25,7 +25,7 @@ def phase_plane(axes: matplotlib.axes.Axes, loop: ClosedLoop, trajectory: Trajec
     """Wheel acceleration offset x2 against slip of one lane."""
     valid = np.asarray(trajectory.valid)
     time, state = np.asarray(trajectory.time)[valid], _valid(trajectory.state, valid)
-    signals = loop.signals(time, state)
+    signals = loop.signals(time, state, np.asarray(trajectory.mode)[valid])
     slip = np.asarray(loop.plant.wheel.slip(signals.wheel_speed, signals.vehicle_speed))
     axes.plot(slip, np.asarray(signals.acceleration_offset), **{"lw": 0.8, **line})
     axes.set(xlabel="slip λ", ylabel="x2 = R ω' - v'  [m/s²]")

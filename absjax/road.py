@@ -5,7 +5,6 @@ from typing import Literal, Protocol
 import jax
 import jax.numpy as jnp
 
-from absjax._numerics import safe_divide
 from absjax.parameters import model, parameter, part
 from absjax.tyre import Burckhardt, Tyre
 
@@ -43,8 +42,8 @@ class Road(Protocol):
         """XBS = mu'(lambda) at `time` [s] and `distance` [m]."""
         ...
 
-    def mean_peak_friction(self, start, end) -> jax.Array:
-        """Mean of the largest friction to be had between two points (time [s], distance [m])."""
+    def peak_friction(self, time: jax.Array, distance: jax.Array) -> jax.Array:
+        """Largest friction to be had at `time` [s] and `distance` [m]."""
         ...
 
 
@@ -62,7 +61,7 @@ class UniformRoad:
         """XBS."""
         return self.tyre.stiffness(slip)
 
-    def mean_peak_friction(self, start, end):
+    def peak_friction(self, time, distance):
         """Largest friction to be had."""
         return self.tyre.peak().friction
 
@@ -91,25 +90,8 @@ class ChangingRoad:
             raise ValueError(f"ChangingRoad.along = {self.along!r} must be 'time' or 'distance'")
 
     def peak_friction(self, time, distance):
-        """Largest friction to be had at `time` or `distance`."""
+        """Largest friction to be had at `time` or `distance`; within a blend of two surfaces no less than that."""
         return self._mix([tyre.peak().friction for tyre in self.surfaces], time, distance)
-
-    def mean_peak_friction(self, start, end):
-        """Mean of `peak_friction` between two points (time, distance); exact, S integrates in closed form."""
-        start, end = (start[0], end[0]) if self.along == "time" else (start[1], end[1])
-        length = end - start
-        peaks = [tyre.peak().friction for tyre in self.surfaces]
-        total = peaks[0]
-        for change, before, after in zip(self.changes, peaks, peaks[1:]):
-            passed = self._passed(end, change) - self._passed(start, change)
-            total = total + (after - before) * safe_divide(passed, length, length > 0)
-        return total
-
-    def _passed(self, position, change):
-        """Integral of S((x - change) / blend) up to `position`."""
-        z = jnp.clip((position - change) / self.blend, 0.0, 1.0)
-        inside = z**5 * (7 - 14 * z + 10 * z**2 - 2.5 * z**3)
-        return self.blend * inside + jnp.maximum(position - change - self.blend, 0.0)
 
     def _mix(self, values, time, distance):
         position = time if self.along == "time" else distance

@@ -36,6 +36,8 @@ class Signals(NamedTuple):
     """XBS = mu'(lambda): the true one of a plant, the estimate where a loop has an observer"""
     time: jax.Array
     """of a clock that starts with the manoeuvre [s]"""
+    pedal: jax.Array | float = 1.0
+    """1 while the driver presses the pedal, else 0: all that a controller knows of the foot"""
 
 
 @model

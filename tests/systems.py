@@ -8,6 +8,7 @@ import numpy as np
 from absjax.actuator import Brake
 from absjax.closed_loop import ClosedLoop
 from absjax.control.five_phase import FivePhase
+from absjax.driver import FreeRamp
 from absjax.hybrid import Smooth
 from absjax.parameters import model, parameter
 from absjax.road import SURFACES, UniformRoad
@@ -23,10 +24,12 @@ TRUE_GRADIENT = np.array(
 """Derivative of the distance with respect to each parameter, times the parameter."""
 
 
-def five_phase_loop(parameters=None, tyre=None, stop_speed=None, **brake) -> ClosedLoop:
+def five_phase_loop(parameters=None, tyre=None, stop_speed=None, driver=None, **brake) -> ClosedLoop:
+    """Without a driver the published ramp, 3 u4 / (R w), and a free pressure."""
     controller = FivePhase() if parameters is None else FivePhase(**dict(zip(NAMES, parameters)))
     car = QuarterCar(Wheel(), UniformRoad(SURFACES["dry_asphalt"] if tyre is None else tyre))
-    return ClosedLoop(car, Brake(**brake), controller, stop_speed)
+    driver = FreeRamp(3 * controller.u4) if driver is None else driver
+    return ClosedLoop(car, Brake(**brake), controller, stop_speed, driver=driver)
 
 
 def mean_deceleration_distance(result, speed=SPEED, duration=DURATION):

@@ -1,24 +1,30 @@
-"""What controller to tune, over which roads and speeds, under which limits."""
+"""What controller to tune, over which roads and speeds, under which pedal and limits."""
 
 import dataclasses
 import math
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, Self
 
 from absjax.actuator import Brake
 from absjax.closed_loop import ClosedLoop, Controller
+from absjax.driver import Driver
 from absjax.observers.sampled import Observer
 from absjax.parameters import bounds_of, trainable_names
-from absjax.road import SURFACES, UniformRoad
-from absjax.tyre import Burckhardt
+from absjax.road import SURFACES, Road, as_road
 from absjax.vehicle import QuarterCar, TestRig, Wheel
 from tuning import published
 from tuning.controllers import CONTROLLERS, Kind
-from tuning.entries import ConfigError, Entries, choice, require, tyre_of
+from tuning.entries import ConfigError, Entries, choice, require
+from tuning.legacy import updated
 from tuning.observers import KINDS
+from tuning.roads import name_of, speeds_of, surfaces_of
 from tuning.search import Box
 
-LEAST_MARGIN = 0.01
-"""Of chi_a above 0 on a road whose XBS never falls below 0."""
+REACHED = 0.9
+"""Share of -c3 that chi_a stays above, so that rounding cannot take it there."""
+ROUNDING = 1.005
+"""Factor on the margin by which parameters keep their order, likewise."""
+OBJECTIVES = ("mean", "worst", "balanced")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,23 +37,29 @@ class TuningConfig(Entries):
         observer_parameters: of that observer; the published ones where not given.
         start: parameters to start from; the controller's defaults where not given.
         tune: names of the parameters to tune; those declared trainable when empty.
-        roads: published surfaces, by name, or (c1, c2, c3).
+        roads: published surfaces, by name, or (c1, c2, c3), or surfaces that follow one another (`tuning.roads`).
         speeds_kmh: initial speeds [km/h].
         wheel: fields of `absjax.vehicle.Wheel`.
         rate_limit: of the actuator [bar/s]; None for none. `lag` [s] and `delay` [s] likewise.
-        driver_pressure: largest pressure [bar].
+        pedal_rate, foot_delay, driver_pressure: the driver: pressure rate [bar/s], time before the foot presses [s] and
+            largest pressure [bar]. Given, never tuned.
+        pedal_strength: where given, every road and speed is braked a second time under this over the initial speed
+            [bar m/s^2], as the published ramp begins.
         threshold_floor: smallest threshold [m/s^2], from the noise of the measured acceleration.
         limits: (low, high) by parameter; where not given, those of `tuning.controllers`, or the floor for thresholds
             and a twentieth of the start for others, and five times the start.
         stop_speed_kmh: speed that ends a stop [km/h]; below the published 2.5 km/h lock does not matter.
         longest_cycle: longest time between two cycles a controller may take [s]; one that rests at a
             pressure near the peak is no anti-lock controller, however short it stops.
+        longest_lock: longest lock above 15 km/h [s].
         largest_contraction: of the limit cycles on every road, on the true XBS; a set that keeps it is preferred to
             any that does not. None does not constrain them; they are certified all the same.
         cycle_speeds_kmh: speeds at which limit cycles are looked for [km/h].
-        objective: 'worst' or 'mean' over the rows of distance over reference.
-        reference: 'ideal' distances, or the 'published' ones of the five-phase algorithm (of the two-phase one, if
-            that is what is tuned).
+        objective: over the rows of distance over reference: the 'worst', the 'mean', or 'balanced', a weighted mean of
+            both.
+        reference: what is tuned. 'ideal': the distance from the pedal, over the ideal one under the same pedal.
+            'published': the published quantity, which begins at the first switching, over the published one (of the
+            two-phase algorithm, if that is what is tuned, else of the five-phase one).
         known: further parameter sets to start from, as from an earlier result.
         starts: descents run together; screened: random starts they are chosen from.
         scatter: standard deviation of the random starts, on the scales of `tuning.search`.
@@ -57,7 +69,7 @@ class TuningConfig(Entries):
             published gains need, because a brake that is not as the observer takes it to be asks for more.
         max_events: switchings a stop may make.
         sampled_period: period at which guards are tested when the result is re-scored [s].
-        refinements: rounds of random search around the winner, under both semantics.
+        refinements: generations of evolution from the winner of the descents, judged under both semantics.
     """
 
     controller: str = "five_phase"
@@ -71,33 +83,37 @@ class TuningConfig(Entries):
     rate_limit: float | None = 750.0
     lag: float | None = 0.005
     delay: float | None = None
+    pedal_rate: float = 400.0
+    foot_delay: float = 0.0
     driver_pressure: float = 150.0
+    pedal_strength: float | None = None
     threshold_floor: float = 10.0
     limits: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
     stop_speed_kmh: float = 2.5
     longest_cycle: float = 1.0
+    longest_lock: float = 0.05
     largest_contraction: float | None = None
     cycle_speeds_kmh: tuple[float, ...] = (30.0, 60.0, 120.0, 180.0)
-    objective: str = "worst"
+    objective: str = "balanced"
     reference: str = "ideal"
     known: tuple[dict[str, float], ...] = ()
     starts: int = 8
     screened: int = 256
     scatter: float = 0.5
-    iterations: int = 120
-    learning_rate: float = 0.05
+    iterations: int = 60
+    learning_rate: float = 0.01
     seed: int = 0
     step: float | None = None
     substeps: int | None = None
     max_events: int = 800
     sampled_period: float = 1e-3
-    refinements: int = 4
+    refinements: int = 40
 
     def __post_init__(self):
         choice("controller", self.controller, CONTROLLERS)
         if self.observer is not None:
             choice("observer", self.observer, KINDS)
-        choice("objective", self.objective, ("worst", "mean"))
+        choice("objective", self.objective, OBJECTIVES)
         choice("reference", self.reference, ("ideal", "published"))
         require("refinements", self.refinements, self.refinements >= 0, "an integer >= 0")
         for name in ("starts", "iterations", "max_events"):
@@ -111,10 +127,15 @@ class TuningConfig(Entries):
         require("largest_contraction", largest, largest is None or 0 < largest < math.inf, "positive, or null")
         cycling = self.kind.model.cycle_phase is not None
         require("largest_contraction", largest, largest is None or cycling, f"null: {self.controller} does not cycle")
+        require("pedal_rate", self.pedal_rate, 0 < self.pedal_rate < math.inf, "positive")
+        strength = self.pedal_strength
+        require("pedal_strength", strength, strength is None or 0 < strength < math.inf, "positive, or null")
+        require("foot_delay", self.foot_delay, 0 <= self.foot_delay < math.inf, ">= 0")
+        require("longest_lock", self.longest_lock, 0 <= self.longest_lock < math.inf, ">= 0")
         require("threshold_floor", self.threshold_floor, self.threshold_floor >= 0, ">= 0")
         require("roads", self.roads, len(self.roads) > 0, "one road at least")
         require("speeds_kmh", self.speeds_kmh, len(self.speeds_kmh) > 0, "one speed at least")
-        for speed in self.speeds_kmh:
+        for speed in (speed for road in (*self.roads, "") for speed in speeds_of(road, self.speeds_kmh)):
             require("speeds_kmh", speed, self.stop_speed_kmh < speed <= 500, "above stop_speed_kmh and at most 500")
         require("cycle_speeds_kmh", self.cycle_speeds_kmh, len(self.cycle_speeds_kmh) > 0, "one speed at least")
         for speed in self.cycle_speeds_kmh:
@@ -130,8 +151,27 @@ class TuningConfig(Entries):
         for name in self.tune:
             choice("tune", name, self.kind.names)
         for road in self.roads:
-            tyre_of(road)
+            surfaces_of(road)
         self.loop(self.base_controller())
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> Self:
+        """Build from a dictionary as JSON gives it; a driver's ramp of an old one is dropped with a warning.
+
+        Raises:
+            ConfigError: naming the entry that is unknown, of the wrong kind or out of range.
+        """
+        return super().from_json(updated(data))
+
+    def pedals(self, speed_kmh: float) -> tuple[float, ...]:
+        """Pressure rates of the driver [bar/s] under which a speed [km/h] is braked."""
+        strength = self.pedal_strength
+        return (self.pedal_rate,) if strength is None else (self.pedal_rate, strength * 3.6 / speed_kmh)
+
+    @property
+    def uniform_roads(self) -> tuple[Any, ...]:
+        """The roads without a change."""
+        return tuple(road for road in self.roads if not isinstance(road, dict))
 
     @property
     def kind(self) -> Kind:
@@ -180,20 +220,24 @@ class TuningConfig(Entries):
 
     def _brake(self) -> Brake:
         try:
-            return Brake(self.rate_limit, self.lag, self.delay, self.driver_pressure)
+            return Brake(self.rate_limit, self.lag, self.delay)
         except ValueError as error:
             raise ConfigError(str(error)) from None
 
-    def loop(self, controller: Controller, tyre: Burckhardt = SURFACES["dry_asphalt"]) -> ClosedLoop:
-        """The closed loop this configuration describes."""
-        car = QuarterCar(self.car(), UniformRoad(tyre))
-        return ClosedLoop(car, self._brake(), controller, self.stop_speed_kmh / 3.6, self.observer_model())
+    def driver(self, pedal_rate: Any = None) -> Driver:
+        """Who presses the pedal; of a pressure rate [bar/s], scalar or (lanes,), where one is given."""
+        return Driver(self.pedal_rate if pedal_rate is None else pedal_rate, self.foot_delay, self.driver_pressure)
 
-    def rig_loop(self, controller: Controller, tyre: Burckhardt, speed: Any) -> ClosedLoop:
-        """The same on a rig at constant speed [m/s], where limit cycles are looked for."""
-        return dataclasses.replace(
-            self.loop(controller, tyre), plant=TestRig(self.car(), UniformRoad(tyre), speed), stop_speed=None
+    def loop(self, controller: Controller, road: Any = SURFACES["dry_asphalt"], pedal_rate: Any = None) -> ClosedLoop:
+        """The closed loop this configuration describes, on a road or tyre curve."""
+        car = QuarterCar(self.car(), as_road(road))
+        return ClosedLoop(
+            car, self._brake(), controller, self.stop_speed_kmh / 3.6, self.observer_model(), self.driver(pedal_rate)
         )
+
+    def rig_loop(self, controller: Controller, road: Road, speed: Any) -> ClosedLoop:
+        """The same on a rig at constant speed [m/s], where limit cycles are looked for."""
+        return dataclasses.replace(self.loop(controller, road), plant=TestRig(self.car(), road, speed), stop_speed=None)
 
     def sampled_grid(self) -> tuple[float, int]:
         """Grid step [s] and steps per test of the guards when sampled; the observer has steps of its own then.
@@ -205,31 +249,40 @@ class TuningConfig(Entries):
         return self.sampled_period / ticks, ticks
 
     def box(self) -> Box:
-        """The tuned parameters and their limits.
+        """The tuned parameters, their limits and their order.
 
         Raises:
             ConfigError: if limits are not admissible, or a threshold on XBS lies where a road's XBS never is.
         """
         names = self.tune or trainable_names(self.kind.model)
         own, initial = bounds_of(self.kind.model), self.initial()
-        pairs = [self.limits.get(name) or self._range(name, own[name], initial[name]) for name in names]
-        for name, (low, high) in zip(names, pairs):
+        pairs = {name: self.limits.get(name) or self._range(name, own[name], initial[name]) for name in names}
+        for name, (low, high) in pairs.items():
             require(f"limits.{name}", (low, high), own[name].low <= low <= high <= own[name].high, "(low, high)")
             require(f"limits.{name}", (low, high), low > 0 or not own[name].open_low, "(low, high) with 0 < low")
         if self.controller == "two_phase":
             self._require_reachable("start.chi_a", initial["chi_a"])
-            for name, (low, _) in zip(names, pairs):
-                if name == "chi_a":
-                    self._require_reachable("limits.chi_a", low)
-        return Box(names, tuple(float(low) for low, _ in pairs), tuple(float(high) for _, high in pairs))
+            if "chi_a" in pairs:
+                self._require_reachable("limits.chi_a", pairs["chi_a"][0])
+        ordered = []
+        for low, high, least in self.kind.ordered:
+            margin = ROUNDING * least
+            if low in pairs:
+                ceiling = (pairs[high][1] if high in pairs else initial[high]) - margin
+                pairs[low] = (min(pairs[low][0], ceiling), min(pairs[low][1], ceiling))
+            if high in pairs:
+                floor = (pairs[low][0] if low in pairs else initial[low]) + margin
+                pairs[high] = (max(pairs[high][0], floor), max(pairs[high][1], floor))
+            if low in pairs and high in pairs:
+                ordered.append((low, high, margin))
+        lows, highs = zip(*pairs.values())
+        return Box(names, tuple(map(float, lows)), tuple(map(float, highs)), tuple(ordered))
 
     def _range(self, name: str, bounds, start: float) -> tuple[float, float]:
-        if name == "chi_a":
-            least, _ = self._least_stiffness()
-            low, high = self.kind.ranges[name]
-            return min(start, max(low, 0.8 * least if least < 0 else LEAST_MARGIN)), max(start, high)
         if name in self.kind.ranges:
             low, high = self.kind.ranges[name]
+            if name == "chi_a":
+                low = max(low, REACHED * self._least_stiffness()[0])
             return min(start, low), max(start, high)
         require(
             f"limits.{name}",
@@ -242,12 +295,23 @@ class TuningConfig(Entries):
         return low, min(bounds.high, max(5 * start, low))
 
     def _least_stiffness(self) -> tuple[float, Any]:
-        return max(((-float(tyre_of(road).c3), road) for road in self.roads), key=lambda pair: pair[0])
+        """The largest of the least XBS of the roads that have a maximum, -c3, and the road."""
+        surfaces = ((-float(tyre.c3), name_of(road)) for road in self.roads for tyre in surfaces_of(road)[0])
+        return max((pair for pair in surfaces if pair[0] < 0), default=(-math.inf, ""), key=lambda pair: pair[0])
 
     def _require_reachable(self, entry: str, chi_a: float) -> None:
         least, road = self._least_stiffness()
+        limited = self.initial()["slip_limit"] > -1
         if chi_a <= least:
             raise ConfigError(
                 f"{entry} = {chi_a:g} must be above -c3 = {least:g}, the least XBS of road {road}: "
                 "the apply would never end there"
+            )
+        for road in self.roads:
+            flat = any(float(tyre.c3) == 0 for tyre in surfaces_of(road)[0])
+            require(
+                "start.slip_limit",
+                -1,
+                limited or not flat,
+                f"above -1: on road {name_of(road)} XBS never falls below 0, and only the slip can end the apply",
             )

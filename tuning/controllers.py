@@ -25,8 +25,6 @@ class Kind(NamedTuple):
     """grid step that does for the default parameters, s"""
     ranges: Mapping[str, tuple[float, float]] = MappingProxyType({})
     """limits of the parameters that are not on a logarithmic scale around their default"""
-    ordered: tuple[tuple[str, str], ...] = ()
-    """pairs of parameters of which the first has to be the lower one"""
 
     def build(self, wheel: Wheel, values: Mapping[str, Any]) -> Controller:
         """The controller of parameters, that knows the wheel if it has to know one; the others as by default."""
@@ -34,21 +32,24 @@ class Kind(NamedTuple):
         return self.model(**values, **({"wheel": wheel} if knows else {}))
 
     @property
+    def ordered(self) -> tuple[tuple[str, str, float], ...]:
+        """Pairs of parameters that have to keep an order: (lower, higher, by how much at least)."""
+        return getattr(self.model, "ordered", ())
+
+    @property
     def names(self) -> tuple[str, ...]:
         """Names of its parameters."""
         return tuple(bounds_of(self.model))
 
 
+GROWTH = {"eps0_growth": (0.0, 4.0)}
 CONTROLLERS: dict[str, Kind] = {
-    "five_phase": Kind(FivePhase, 2e-3),
-    "tracking": Kind(AccelerationTracking, 1e-3),
+    "five_phase": Kind(FivePhase, 2e-3, GROWTH),
+    "tracking": Kind(AccelerationTracking, 1e-3, GROWTH),
     "two_phase": Kind(
-        TwoPhase,
-        1e-3,
-        {"chi_a": (-0.1, 0.5), "chi_b": (0.02, 5.0), "slip_limit": (-1.0, -0.05)},
-        ordered=(("chi_a", "chi_b"),),
+        TwoPhase, 1e-3, {**GROWTH, "chi_a": (-0.5, 0.0), "chi_b": (0.02, 5.0), "slip_limit": (-1.0, -0.05)}
     ),
-    "stiffness": Kind(StiffnessControl, 1e-3),
-    "slip": Kind(SlipControl, 1e-3, {"slip": (-0.5, -0.02)}),
-    "bosch": Kind(BoschLogic, 2e-3, ordered=(("plus_a", "plus_A"),)),
+    "stiffness": Kind(StiffnessControl, 1e-3, GROWTH),
+    "slip": Kind(SlipControl, 1e-3, {**GROWTH, "slip": (-0.5, -0.02)}),
+    "bosch": Kind(BoschLogic, 2e-3),
 }

@@ -10,10 +10,9 @@ import numpy as np
 
 from absjax.closed_loop import ClosedLoop
 from absjax.cycles.rollout import CycleStatus, limit_cycle
-from absjax.tyre import Burckhardt
 from tuning.batch import every_set_on_every_row
 from tuning.config import TuningConfig
-from tuning.entries import tyre_of
+from tuning.roads import name_of, stacked
 from tuning.search import in_chunks
 
 CONTRACTION_CHARGE = 1.0
@@ -47,14 +46,11 @@ class CycleRow:
 
 
 def rig_loops(config: TuningConfig) -> ClosedLoop:
-    """Loops on a rig, a lane for each road and speed, all speeds of the first road first; with the true XBS."""
-    tyres = [tyre_of(road) for road in config.roads]
-    columns = (
-        np.repeat([float(getattr(t, c)) for t in tyres], len(config.cycle_speeds_kmh)) for c in ("c1", "c2", "c3")
-    )
-    speed = np.tile(np.asarray(config.cycle_speeds_kmh) / 3.6, len(tyres))
+    """Loops on a rig, a lane for each uniform road and speed, all speeds of the first road first; with the true XBS."""
+    roads, speeds = config.uniform_roads, config.cycle_speeds_kmh
+    speed = np.tile(np.asarray(speeds) / 3.6, len(roads))
     config = dataclasses.replace(config, observer=None, observer_parameters={})
-    return config.rig_loop(config.base_controller(), Burckhardt(*columns), speed)
+    return config.rig_loop(config.base_controller(), stacked([road for road in roads for _ in speeds]), speed)
 
 
 def charges(loops: ClosedLoop, parameters: Mapping[str, Any], step: float, largest: float):
@@ -80,7 +76,7 @@ def exact_charges(config: TuningConfig, names: tuple[str, ...], sets: np.ndarray
 
 def certify_cycles(config: TuningConfig, parameters: Mapping[str, float]) -> list[CycleRow]:
     """The limit cycles of a parameter set on the roads of a configuration; none of a controller without cycles."""
-    if config.kind.model.cycle_phase is None:
+    if config.kind.model.cycle_phase is None or not config.uniform_roads:
         return []
     true = rig_loops(config)
     controller = dataclasses.replace(true.controller, **parameters)
@@ -96,12 +92,15 @@ def certify_cycles(config: TuningConfig, parameters: Mapping[str, float]) -> lis
         return float(value) if np.isfinite(value) else None
 
     rows = []
-    for i, (road, speed) in enumerate((road, speed) for road in config.roads for speed in config.cycle_speeds_kmh):
-        name = road if isinstance(road, str) else f"c = {tuple(road)}"
+    for i, (road, speed) in enumerate(
+        (road, speed) for road in config.uniform_roads for speed in config.cycle_speeds_kmh
+    ):
         observed = {}
         if whole is not None:
             code = CycleStatus(int(whole.status[i]))
             observed = {"observer_status": code.name, "with_observer": finite(whole.contraction[i])}
         found = CycleStatus(int(cycle.status[i])).name
-        rows.append(CycleRow(name, speed, found, finite(cycle.period[i]), finite(cycle.contraction[i]), **observed))
+        rows.append(
+            CycleRow(name_of(road), speed, found, finite(cycle.period[i]), finite(cycle.contraction[i]), **observed)
+        )
     return rows

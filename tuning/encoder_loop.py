@@ -11,13 +11,15 @@ import jax
 import numpy as np
 
 from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop, SampledLoop
+from absjax.closed_loop import ClosedLoop
 from absjax.control.five_phase import FivePhase
+from absjax.driver import Driver, FreeRamp
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.sensor import EncoderSensor
 from absjax.encoder.wheel_speed import WheelSpeedChain
 from absjax.manoeuvre import Outcome, Stop, stop
 from absjax.road import UniformRoad, surface
+from absjax.sampled_loop import SampledLoop
 from absjax.vehicle import QuarterCar, Signals, Wheel
 
 SPEED = 130 / 3.6
@@ -30,18 +32,17 @@ PERIOD = 1e-3
 """Between the ticks of the control unit, s."""
 EXCURSION_SPEED = 60 / 3.6
 """Vehicle speed above which excursions count, m/s."""
-DRIVER_PRESSURE = 150.0
-"""bar"""
 SETTLED = 0.3
 """Time after the first switching from which excursions count, s."""
 STUCK = 1.0
 """A cycle that lasts longer is counted as stuck, s."""
 
 
-def braking_loop(observer: Any = None, driver_pressure: float | None = DRIVER_PRESSURE) -> ClosedLoop:
-    """The loop of the study; without a driver pressure [bar] the brake's is free, below 0 too."""
+def braking_loop(observer: Any = None, free: bool = False) -> ClosedLoop:
+    """The loop of the study; `free`: under the ramp of the source, the pressure free, below 0 too."""
     car = QuarterCar(Wheel(), UniformRoad(surface("dry_concrete")))
-    return ClosedLoop(car, Brake(driver_pressure=driver_pressure), FivePhase(), stop_speed=END_SPEED, observer=observer)
+    driver = FreeRamp() if free else Driver()
+    return ClosedLoop(car, Brake(), FivePhase(), stop_speed=END_SPEED, observer=observer, driver=driver)
 
 
 class Course(NamedTuple):
@@ -68,15 +69,15 @@ def course(
     sensor: EncoderSensor | None,
     observer: Any = None,
     substeps: int = 1,
-    driver_pressure: float | None = DRIVER_PRESSURE,
+    free: bool = False,
 ) -> Course:
-    """A stop from 130 km/h under a sensor; None tells the truth."""
-    loop = braking_loop(observer, driver_pressure)
+    """A stop from 130 km/h under a sensor; None tells the truth. `free` as in `braking_loop`."""
+    loop = braking_loop(observer, free)
     sampled = SampledLoop(loop, sensor, substeps=substeps)
     result = stop(sampled, np.array([SPEED]) if sensor is None else SPEED, horizon=HORIZON, step=PERIOD, save_every=1)
     trajectory = result.rollout.trajectory
     time, state = np.asarray(trajectory.time), trajectory.state.loop
-    signals = jax.vmap(jax.vmap(loop.measured))(time, state)
+    signals = jax.vmap(jax.vmap(loop.measured))(time, state, np.asarray(trajectory.mode))
     estimate = None
     if observer is not None:
         estimate = np.asarray(observer.stiffness(state.observer, signals.acceleration_offset))
@@ -98,11 +99,11 @@ def braked_wheel(samples: int) -> tuple[np.ndarray, np.ndarray]:
     return signals.wheel_speed, (signals.acceleration_offset + signals.vehicle_acceleration) / signals.radius
 
 
-def loop_row(label: str, found: Course) -> dict[str, Any]:
-    """What became of the stops under a sensor."""
+def loop_row(label: str, found: Course, ideal: float | None) -> dict[str, Any]:
+    """What became of the stops under a sensor; `ideal` distance from the pedal [m], None where there is no driver."""
     stops, counts = found.stop, found.settled
     slip, offset = (np.where(counts, x, np.nan) for x in (found.slip, found.signals.acceleration_offset))
-    distance, ideal = np.asarray(stops.equivalent_distance), float(np.min(stops.ideal_distance))
+    distance = np.asarray(stops.distance)
     ended = np.asarray(stops.outcome) == Outcome.STOPPED
 
     def over(values, statistic=np.mean):
@@ -111,7 +112,9 @@ def loop_row(label: str, found: Course) -> dict[str, Any]:
     row = {"told": label, "stops": int(distance.size), "do not end": int((~ended).sum())}
     for name, statistic in (("shortest", np.min), ("mean", np.mean), ("longest", np.max)):
         row[f"{name} [m]"] = round(float(statistic(distance[ended])), 2) if ended.any() else "-"
-    row["mean above ideal [%]"] = round(100 * (float(distance[ended].mean()) / ideal - 1), 2) if ended.any() else "-"
+    known = ideal is not None and ended.any()
+    row["mean above ideal [%]"] = round(100 * (float(distance[ended].mean()) / ideal - 1), 2) if known else "-"
+    row["longest lock > 15 km/h [s]"] = round(float(np.max(stops.longest_lock[0])), 3)
     row["stuck"] = int((np.asarray(stops.longest_cycle) > STUCK).sum())
     row["slip from"], row["slip to"] = over(np.nanmin(slip, axis=1)), over(np.nanmax(slip, axis=1))
     row["x2 from"], row["x2 to"] = over(np.nanmin(offset, axis=1)), over(np.nanmax(offset, axis=1))

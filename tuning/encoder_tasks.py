@@ -9,6 +9,7 @@ import pandas as pd
 
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
+from absjax.ideal import ideal_distance
 from tuning import encoder_figures as figures
 from tuning.edge_log import EdgeLog
 from tuning.encoder_bench import (
@@ -23,7 +24,7 @@ from tuning.encoder_bench import (
 )
 from tuning.encoder_config import EncoderConfig
 from tuning.encoder_log import LogStudy, order_spectrum, study_log, tooth_errors
-from tuning.encoder_loop import braking_loop, course, loop_row, sensors
+from tuning.encoder_loop import HORIZON, SPEED, braking_loop, course, loop_row, sensors
 from tuning.encoder_study import (
     TEETH,
     encoder_rows,
@@ -170,13 +171,14 @@ def study(out: Path, encoders: int = 20, hours: float = 1.0) -> Iterator[Report]
     yield report("other encoders and clocks, 1020 rpm", encoder_rows())
     yield report("endurance: rms of differences and errors [rad/s, rad/s^2]", endurance_rows(endurance_cases(hours)))
     told = {"the truth": None, **sensors(loop_encoders(encoders), loop_chains())}
-    free = [loop_row(label, course(sensor, driver_pressure=None)) for label, sensor in told.items()]
-    yield report(f"{LOOP_TITLE}, pressure free", free)
+    free = [loop_row(label, course(sensor, free=True), None) for label, sensor in told.items()]
+    yield report(f"{LOOP_TITLE}, pressure free as in the source", free)
     courses = {label: course(sensor) for label, sensor in told.items()}
-    rows = [loop_row(label, found) for label, found in courses.items()]
+    ideal = float(ideal_distance(braking_loop(), SPEED, horizon=HORIZON))
+    rows = [loop_row(label, found, ideal) for label, found in courses.items()]
     shown = int(np.argsort(np.asarray(courses["as measured"].stop.longest_cycle))[-1])
     yield report(
-        f"{LOOP_TITLE}, pressure from 0 to 150 bar",
+        f"{LOOP_TITLE}, pedal 400 bar per s",
         rows,
         save(figures.cycles_figure(courses, shown), out / "cycles.png"),
         save(figures.loop_figure(courses, shown), out / "stops.png"),

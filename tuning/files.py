@@ -2,8 +2,11 @@
 
 import json
 import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+import pandas
 
 
 def write_json(path: Path, data: dict[str, Any]) -> Path:
@@ -12,6 +15,13 @@ def write_json(path: Path, data: dict[str, Any]) -> Path:
     unfinished = path.with_suffix(path.suffix + ".part")
     unfinished.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n")
     os.replace(unfinished, path)
+    return path
+
+
+def write_csv(rows: Sequence[Mapping[str, Any]], path: Path) -> Path:
+    """Write rows with the same keys: a key a column."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pandas.DataFrame(list(rows)).to_csv(path, index=False)
     return path
 
 

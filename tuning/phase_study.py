@@ -18,6 +18,7 @@ from absjax.actuator import Brake
 from absjax.closed_loop import ClosedLoop
 from absjax.control.stiffness import StiffnessControl
 from absjax.control.two_phase import TwoPhase
+from absjax.driver import FreeRamp
 from absjax.engine import rollout
 from absjax.hybrid import UNDEFINED
 from absjax.observers.sampled import Sample, observe
@@ -77,15 +78,15 @@ def run(controller: Any, start: tuple[float, float], in_the_loop: bool) -> Phase
         start: x2 [m/s^2] and XBS.
         in_the_loop: whether the controller is told the estimated XBS; else the observer runs in parallel.
     """
-    loop = ClosedLoop(TestRig(Wheel(), UniformRoad(TYRE), SPEED), Brake(), controller)
+    loop = ClosedLoop(TestRig(Wheel(), UniformRoad(TYRE), SPEED), Brake(), controller, driver=FreeRamp())
     if in_the_loop:
         loop = dataclasses.replace(loop, observer=observer())
     state = loop.braking(jnp.asarray(SPEED), TYRE.slip_at(start[1]), start[0])
     result = rollout(loop, state, 1, step=STEP, steps=round(DURATION / STEP), save_every=1)
     result.raise_if_failed()
     path, valid = result.trajectory, np.asarray(result.trajectory.valid)
-    signals = jax.vmap(loop.measured)(path.time, path.state)
-    told = jax.vmap(loop.signals)(path.time, path.state).stiffness
+    signals = jax.vmap(loop.measured)(path.time, path.state, path.mode)
+    told = jax.vmap(loop.signals)(path.time, path.state, path.mode).stiffness
     if not in_the_loop:
         told = observe(observer(), Sample.of(signals), STEP).stiffness
     arrays = (np.asarray(x)[valid] for x in (path.time, signals.acceleration_offset, signals.stiffness, told))

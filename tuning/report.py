@@ -1,5 +1,6 @@
 """Results as tables for the terminal."""
 
+import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -7,8 +8,10 @@ from typing import Any, NamedTuple
 from rich.markup import escape
 from rich.table import Table
 
+from tuning.batch import Figures
+from tuning.files import write_csv
 from tuning.identify import PARAMETERS, Identification
-from tuning.tune_abs import TuningResult
+from tuning.tune_abs import ResultRow, TuningResult
 
 
 class Report(NamedTuple):
@@ -35,40 +38,47 @@ def identification_table(result: Identification) -> Table:
     return table
 
 
-def tuning_table(result: TuningResult, title: str) -> Table:
-    """One row per road and speed: published, untuned, tuned, sampled, ideal."""
-    table = Table(title=title)
-    period = f"{result.config.sampled_period * 1e3:g} ms"
-    for heading in (
-        "km/h",
-        "road",
-        "published",
-        "untuned",
-        "tuned",
-        f"sampled {period}",
-        "ideal",
-        "cycles",
-        "<= published",
-    ):
-        table.add_column(heading, justify="left" if heading == "road" else "right")
-    for row in result.rows:
-        verdict = {True: "yes", False: "[red]no[/red]", None: "-"}[row.reached]
-        table.add_row(
-            f"{row.speed_kmh:g}",
-            row.road.replace("_", " "),
-            _distance(row.published),
-            _distance(row.untuned),
-            _distance(row.tuned, row.outcome),
-            _distance(row.sampled, row.sampled_outcome),
-            f"{row.ideal:.2f}",
-            f"{row.cycles}",
-            verdict,
-        )
-    return table
+def tuning_rows(result: TuningResult) -> list[dict[str, Any]]:
+    """Distances from the pedal and their ideal; then the published quantity, which begins at the first switching."""
+    sampled = f"sampled {result.config.sampled_period * 1e3:g} ms"
+    return [
+        {
+            "km/h": row.speed_kmh,
+            "road": row.road,
+            "pedal [bar/s]": "-" if row.pedal_bar_s is None else f"{row.pedal_bar_s:.0f}",
+            "ideal": cell(row.ideal),
+            "untuned": stop_cell(row.untuned),
+            "tuned": stop_cell(row.tuned),
+            sampled: stop_cell(row.sampled),
+            "above ideal [%]": excess_cell(row),
+            "onset [s]": cell(row.tuned.onset_s),
+            "cycles": row.tuned.cycles,
+            "lock > 15 km/h [s]": cell(row.sampled.lock_s_above_15, 3),
+            "quantity: published": cell(row.published),
+            "untuned quantity": cell(row.untuned.published_quantity),
+            "tuned quantity": cell(row.tuned.published_quantity),
+            "<= published": {True: "yes", False: "no", None: "-"}[row.reached],
+        }
+        for row in result.rows
+    ]
 
 
-def _distance(distance: float | None, outcome: str = "STOPPED") -> str:
-    return ("-" if distance is None else f"{distance:.2f}") + ("" if outcome == "STOPPED" else f" {outcome.lower()}")
+def cell(value: float | None, digits: int = 2) -> str:
+    """A number, or a dash."""
+    return "-" if value is None else f"{value:.{digits}f}"
+
+
+def stop_cell(figures: Figures) -> str:
+    """A distance from the pedal, or how the stop failed to end."""
+    return cell(figures.distance) if figures.outcome == "STOPPED" else figures.outcome.lower().replace("_", " ")
+
+
+def excess_cell(row: ResultRow) -> str:
+    """The worse of both semantics above the ideal [%]."""
+    distances = (row.tuned.distance, row.sampled.distance)
+    if row.ideal is None or None in distances:
+        return "-"
+    return f"{100 * (max(distances) / row.ideal - 1):.2f}"
 
 
 def parameter_line(result: TuningResult) -> str:
@@ -98,3 +108,13 @@ def rows_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
     for row in rows:
         table.add_row(*(value.replace("_", " ") if isinstance(value, str) else f"{value:g}" for value in row.values()))
     return table
+
+
+def write_tables(report: Report, folder: Path) -> list[Path]:
+    """The tables of a report as CSV, named after their titles up to a colon."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for title, rows in report.tables.items():
+        name = re.sub(r"[^a-z0-9]+", "_", title.lower().split(":")[0]).strip("_")
+        written.append(write_csv(rows, folder / f"{name}.csv"))
+    return written

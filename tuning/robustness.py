@@ -1,25 +1,33 @@
-"""Stops on scattered roads, wheels, brakes and noise: how often they lock, how long they are, how bad the worst.
+"""Stops on scattered roads, wheels, brakes, pedals and noise: how long they are, how bad the worst, how often they lock.
 
 All of it acts on a controller that knows the nominal wheel, tested at the sampling period on noisy signals.
 """
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop, SampledLoop
+from absjax.closed_loop import ClosedLoop
+from absjax.driver import Driver
+from absjax.ideal import ideal_distance
 from absjax.manoeuvre import Outcome, Stop, stop
 from absjax.road import SURFACES, UniformRoad
+from absjax.sampled_loop import SampledLoop
 from absjax.sensor import NoisySensor
 from absjax.tyre import Burckhardt
 from absjax.vehicle import GRAVITY, QuarterCar, Wheel
 from tuning import published
 from tuning.config import TuningConfig
 
-HORIZON_FACTOR = 1.6
+HORIZON_FACTOR = 1.8
 """Longest time allowed, as a multiple of the ideal stop's, plus one second."""
+STUCK = 1.0
+"""A cycle that lasts longer is counted as stuck, s."""
+LONG_LOCK = 0.05
+"""A lock above 15 km/h that lasts longer is counted, s."""
 
 
 class Scatter(NamedTuple):
@@ -35,9 +43,12 @@ class Scatter(NamedTuple):
     noise: tuple[float, float] = (0.0, 1.0)
     """standard deviation of a sample of x2, m/s^2"""
     speed_kmh: tuple[float, float] = (50.0, 180.0)
+    pedal_rate: tuple[float, float] = (400.0, 400.0)
+    """bar/s"""
 
 
 SCATTER = Scatter()
+SCATTERED_PEDAL = Scatter(pedal_rate=(200.0, 1000.0))
 
 
 class Draws(NamedTuple):
@@ -50,21 +61,25 @@ class Draws(NamedTuple):
     seed: np.ndarray
     speed: np.ndarray
     """m/s"""
+    pedal_rate: np.ndarray
+    """bar/s"""
 
 
 class Summary(NamedTuple):
-    """What the stops of one controller come to; distances as v0^2 / (2 g mean friction) over the ideal one."""
+    """What the stops of one controller come to; distances from the pedal over the ideal ones."""
 
-    locked: float
-    """share of the stops that lock above `LOCK_SPEED`, or do not end at all"""
+    unfinished: float
+    """share of the stops that do not end"""
     mean: float
-    """over the stops that end, locked or not"""
+    """over the stops that end"""
+    spread: float
+    """standard deviation over those"""
     worst: float
     """mean of the worst 5 % of those"""
-
-
-LOCK_SPEED = 5.0
-"""Vehicle speed above which a locked wheel counts, m/s: below it steering does not matter any more."""
+    locked: float
+    """share that locks above 15 km/h for longer than `LONG_LOCK`"""
+    stuck: float
+    """share with a cycle longer than `STUCK`"""
 
 
 def draw(count: int, seed: int, scatter: Scatter = SCATTER, roads: tuple[str, ...] = published.ROADS) -> Draws:
@@ -85,36 +100,45 @@ def draw(count: int, seed: int, scatter: Scatter = SCATTER, roads: tuple[str, ..
         load=scattered(np.full(count, float(nominal.load)), scatter.load),
         brake_efficiency=scattered(np.full(count, float(nominal.brake_efficiency)), scatter.brake_efficiency),
     )
-    lag, noise, speed = (rng.uniform(*pair, count) for pair in (scatter.lag, scatter.noise, scatter.speed_kmh))
-    draws = Draws(Burckhardt(*curve), wheel, lag, noise, np.arange(count), speed / 3.6)
+    ranges = (scatter.lag, scatter.noise, scatter.speed_kmh, scatter.pedal_rate)
+    lag, noise, speed, pedal = (rng.uniform(*pair, count) for pair in ranges)
+    draws = Draws(Burckhardt(*curve), wheel, lag, noise, np.arange(count), speed / 3.6, pedal)
     order = np.argsort(draws.speed / np.asarray(draws.tyre.peak().friction))
     return jax.tree.map(lambda leaf: np.asarray(leaf)[order], draws)
 
 
-def stops(config: TuningConfig, controller: Any, draws: Draws) -> Stop:
-    """The stops of a controller, sampled, in the drawn conditions; the rest is as configured."""
+def stops(config: TuningConfig, controller: Any, draws: Draws) -> tuple[Stop, np.ndarray]:
+    """The stops of a controller, sampled, in the drawn conditions, and the ideal distances; the rest is as configured."""
     nominal = config.loop(controller)
     car = QuarterCar(draws.wheel, UniformRoad(draws.tyre))
-    brake = Brake(config.rate_limit, draws.lag, config.delay, config.driver_pressure)
-    loop = ClosedLoop(car, brake, controller, nominal.stop_speed, nominal.observer)
+    brake = Brake(config.rate_limit, draws.lag, config.delay)
+    driver = Driver(draws.pedal_rate, config.foot_delay, config.driver_pressure)
+    loop = ClosedLoop(car, brake, controller, nominal.stop_speed, nominal.observer, driver)
     step, ticks = config.sampled_grid()
     sensor = NoisySensor(draws.noise, float(nominal.plant.wheel.radius), draws.seed)
     sampled = SampledLoop(loop, sensor, ticks, substeps=config.steps_per_sample)
     ideal = draws.speed / (GRAVITY * np.asarray(draws.tyre.peak().friction))
     horizon = HORIZON_FACTOR * float(ideal.max()) + 1.0
-    return stop(sampled, draws.speed, horizon=horizon, step=step, max_events=60, tile=64)
+    stopped = stop(sampled, draws.speed, horizon=horizon, step=step, max_events=120, tile=64)
+    return stopped, np.asarray(ideal_distance(dataclasses.replace(loop, observer=None), draws.speed, horizon=horizon))
 
 
-def excess(stopped: Stop) -> np.ndarray:
-    """Distance over the ideal one, (stops,), up to where the stop ended; infinite where the vehicle was not slowed."""
-    return np.asarray(stopped.equivalent_distance / stopped.ideal_distance)
+def excess(stopped: Stop, ideal: np.ndarray) -> np.ndarray:
+    """Distance from the pedal over the ideal one, (stops,); infinite where the stop does not end."""
+    ended = np.asarray(stopped.outcome) == Outcome.STOPPED
+    return np.where(ended, np.asarray(stopped.distance) / ideal, np.inf)
 
 
-def summarise(stopped: Stop) -> Summary:
-    """Share that lock or fail, mean and worst 5 %."""
-    outcome, state = np.asarray(stopped.outcome), stopped.rollout.state
-    ended = (outcome == Outcome.STOPPED) | (outcome == Outcome.LOCKED)
-    failed = ~ended | ((outcome == Outcome.LOCKED) & (np.asarray(state.loop.plant.speed) > LOCK_SPEED))
-    ratios = np.sort(excess(stopped)[ended])
-    tail = ratios[-max(1, len(ratios) // 20) :]
-    return Summary(float(failed.mean()), float(ratios.mean()), float(tail.mean()))
+def summarise(stopped: Stop, ideal: np.ndarray) -> Summary:
+    """Mean, spread and worst of the stops that end, and the shares of those that do not, lock or stick."""
+    ratios = np.sort(excess(stopped, ideal))
+    ended = ratios[np.isfinite(ratios)]
+    found = ended if ended.size else np.array([np.nan])
+    return Summary(
+        unfinished=float(1 - ended.size / ratios.size),
+        mean=float(found.mean()),
+        spread=float(found.std()),
+        worst=float(found[-max(1, len(found) // 20) :].mean()),
+        locked=float((np.asarray(stopped.longest_lock[0]) > LONG_LOCK).mean()),
+        stuck=float((np.asarray(stopped.longest_cycle) > STUCK).mean()),
+    )

@@ -25,8 +25,6 @@ from absjax.vehicle import TestRig, Wheel
 
 BLEND = 0.025
 """Length of the blend from one road to the next [s]."""
-DRIVER_PRESSURE = 150.0
-"""Largest pressure, bar; it cannot fall below 0 either, so that no wheel is ever driven."""
 FIVE = {"eps1": 25.0, "eps2": 32.0, "eps3": 15.0, "eps5": 22.0}
 """Thresholds of the five-phase cycle: within reach on snow, where x2 cannot exceed a mu = 34 m/s^2."""
 Excitation = Literal["five_phase", "two_phase"]
@@ -129,7 +127,7 @@ def simulate(
     road = ChangingRoad(columns, tuple(changes.T), BLEND)
     plant = TestRig(wheel, road, speed, -deceleration)
     controller = _two_phase(stacked, wheel) if excitation == "two_phase" else AccelerationTracking(**FIVE, wheel=wheel)
-    loop = ClosedLoop(plant, Brake(driver_pressure=DRIVER_PRESSURE), controller)
+    loop = ClosedLoop(plant, Brake(), controller)
     steps = round(duration / period)
     start = controller.phases.index("apply") if excitation == "two_phase" else 0
     state = loop.at(jnp.asarray(speed))
@@ -157,8 +155,8 @@ def _two_phase(surfaces: Burckhardt, wheel: Wheel) -> TwoPhase:
 def _signals(loop: ClosedLoop, trajectory):
     axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(loop))
 
-    def of_run(loop, time, state):
-        signals = jax.vmap(loop.signals)(time, state)
+    def of_run(loop, time, state, mode):
+        signals = jax.vmap(loop.signals)(time, state, mode)
         return Sample.of(signals), signals.stiffness, loop.plant.wheel.slip(signals.wheel_speed, signals.vehicle_speed)
 
-    return jax.vmap(of_run, in_axes=(axes, 0, 0))(loop, trajectory.time, trajectory.state)
+    return jax.vmap(of_run, in_axes=(axes, 0, 0, 0))(loop, trajectory.time, trajectory.state, trajectory.mode)

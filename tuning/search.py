@@ -1,5 +1,5 @@
 """What every tuner shares: a box of parameters on a scale of their own, gradient descent of many starts, and
-random search around the best.
+evolution from the best.
 
 Positive parameters move on a logarithmic scale; those that may be negative on a linear one on which their
 limits are `LINEAR_SPAN` apart, about as far as the limits of a positive one. They stay on a limit they reach.
@@ -13,6 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optax
+from cmaes import CMA
 
 Progress = Callable[[int, int, float], None]
 """Called with iteration, iterations and the best cost so far."""
@@ -20,15 +21,25 @@ Costs = Callable[[np.ndarray], np.ndarray]
 """Costs (sets,) of points (sets, parameters)."""
 
 LINEAR_SPAN = 4.0
+SLACK = 1e-9
+"""By which evolution may leave the limits before it is brought back: it needs an interior."""
+WORST = 1e9
+"""Cost in evolution of what has none."""
 _ADAM = optax.chain(optax.zero_nans(), optax.scale_by_adam())
 
 
 class Box(NamedTuple):
-    """Tuned parameters and their limits; a point is where they are on their scales, (..., parameters). Hashable."""
+    """Tuned parameters and their limits; a point is where they are on their scales, (..., parameters). Hashable.
+
+    Pairs of parameters that have to keep an order keep it at every point: where a point has them nearer, the higher one
+    is raised.
+    """
 
     names: tuple[str, ...]
     low: tuple[float, ...]
     high: tuple[float, ...]
+    ordered: tuple[tuple[str, str, float], ...] = ()
+    """(lower, higher, by how much at least); the limits leave room for it"""
 
     @property
     def _logarithmic(self) -> np.ndarray:
@@ -51,10 +62,18 @@ class Box(NamedTuple):
         return np.where(log, np.log(np.where(log, stacked, 1.0)), stacked / self._unit)
 
     def values(self, point) -> dict[str, Any]:
-        """Values by name, arrays (...); traceable."""
+        """Values by name, arrays (...), in order; traceable."""
         log, unit = self._logarithmic, self._unit
         scaled = (jnp.exp(point[..., i]) if log[i] else point[..., i] * unit[i] for i in range(len(self.names)))
-        return dict(zip(self.names, scaled))
+        values = dict(zip(self.names, scaled))
+        for low, high, margin in self.ordered:
+            values[high] = jnp.maximum(values[high], values[low] + margin)
+        return values
+
+    def valid(self, points) -> np.ndarray:
+        """The nearest points within the limits, in order."""
+        points = np.clip(points, *self.limits)
+        return np.asarray(self.point(self.values(points))) if self.ordered else points
 
     def on_limit(self, point) -> list[str]:
         """Names of the parameters that lie on a limit."""
@@ -89,8 +108,8 @@ def descend(
         before = points
         rate = learning_rate * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * iteration / iterations)))
         costs, gradients = costs_and_gradients(points)
-        moved, moments = _step(points, moments, np.asarray(gradients), rate, *box.limits)
-        points, costs = np.asarray(moved), np.asarray(costs)
+        moved, moments = _step(points, moments, np.asarray(gradients), rate)
+        points, costs = box.valid(np.asarray(moved)), np.asarray(costs)
         history.append([float(c) for c in costs])
         better = costs < best
         best, best_points = np.where(better, costs, best), np.where(better[:, None], before, best_points)
@@ -99,10 +118,10 @@ def descend(
 
 
 @jax.jit
-def _step(points, moments, gradients, rate, low, high):
+def _step(points, moments, gradients, rate):
     gradients = gradients / jnp.maximum(jnp.linalg.norm(gradients, axis=1, keepdims=True), 1.0)
     updates, moments = _ADAM.update(gradients, moments)
-    return jnp.clip(points - rate * updates, low, high), moments
+    return points - rate * updates, moments
 
 
 def screen(costs: Costs, box: Box, first: np.ndarray, *, scatter: float, count: int, keep: int, seed: int):
@@ -110,31 +129,34 @@ def screen(costs: Costs, box: Box, first: np.ndarray, *, scatter: float, count: 
     if keep < 1:
         return np.empty((0, len(first)))
     spread = np.random.default_rng(seed).normal(size=(count, len(first))) * scatter
-    points = np.clip(first + spread, *box.limits)
+    points = box.valid(first + spread)
     return points[np.argsort(costs(points))[:keep]]
 
 
 def refine(
-    costs: Costs, box: Box, candidates: np.ndarray, *, rounds: int, count: int, widest: float, narrowing: float, seed
+    costs: Costs, box: Box, candidates: np.ndarray, *, rounds: int, count: int, widest: float, seed: int
 ) -> tuple[np.ndarray, float]:
-    """The best of the candidates, and what random search around it finds.
+    """The best of the candidates, and what evolution (CMA-ES) from it finds.
 
     Args:
         candidates: points (sets, parameters).
-        rounds, count: of the search, and points tried in each.
-        widest, narrowing: standard deviation of the first round, and its factor from one to the next.
+        rounds, count: generations, and points in each.
+        widest: standard deviation of the first generation.
 
     Returns:
         The best point and its cost.
     """
-    rng = np.random.default_rng(seed)
     judged = costs(candidates)
     best, cost = candidates[np.argmin(judged)], float(judged.min())
-    for round_ in range(rounds):
-        nearby = np.clip(best + rng.normal(size=(count, len(best))) * widest * narrowing**round_, *box.limits)
-        judged = costs(nearby)
+    low, high = box.limits
+    strategy = CMA(best, widest, np.stack([low - SLACK, high + SLACK], axis=1), seed=seed, population_size=count)
+    for _ in range(rounds):
+        asked = [strategy.ask() for _ in range(count)]
+        points = box.valid(np.stack(asked))
+        judged = costs(points)
+        strategy.tell([(point, min(float(value), WORST)) for point, value in zip(asked, judged)])
         if judged.min() < cost:
-            best, cost = nearby[np.argmin(judged)], float(judged.min())
+            best, cost = points[np.argmin(judged)], float(judged.min())
     return best, cost
 
 

@@ -48,9 +48,12 @@ def bar(label: str):
 
 
 def print_study(reports, out: Path) -> None:
+    """Print the reports of a study as they come, their tables written as CSV besides."""
+    from tuning.report import write_tables
+
     begun = time.monotonic()
     for report in reports:
-        print_report(report)
+        print_report(report._replace(files=[*report.files, *write_tables(report, out / "tables")]))
     console.print(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/", highlight=False)
 
 

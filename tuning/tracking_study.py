@@ -11,7 +11,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from absjax.actuator import Brake
-from absjax.closed_loop import LOCKED, ClosedLoop
+from absjax.closed_loop import ClosedLoop
 from absjax.control.five_phase import FivePhase
 from absjax.control.tracking import AccelerationTracking
 from absjax.engine import Rollout, rollout
@@ -53,7 +53,7 @@ def loops(shift: Any = 0.0) -> dict[str, ClosedLoop]:
     """
     wheel = Wheel()
     car = QuarterCar(wheel, ChangingRoad(ROADS, tuple(change + shift for change in CHANGES)))
-    brake = Brake(rate_limit=750.0, driver_pressure=150.0)
+    brake = Brake(rate_limit=750.0)
 
     def observer(kind):
         return KINDS[kind].build(wheel, KINDS[kind].published)
@@ -84,20 +84,21 @@ def drive(label: str, loop: ClosedLoop, step: float = STEP) -> Ride:
         save_switches=True,
     )
     path = result.trajectory
-    told = jax.vmap(loop.signals)(path.time, path.state)
+    told = jax.vmap(loop.signals)(path.time, path.state, path.mode)
     if loop.observer is not None:
         require_stable(loop.observer, path.state.observer, told.acceleration_offset, told.vehicle_speed, step)
     result.raise_if_failed()
-    true = jax.vmap(loop.measured)(path.time, path.state).stiffness
+    true = jax.vmap(loop.measured)(path.time, path.state, path.mode).stiffness
     return Ride(label, loop, result, jax.tree.map(np.asarray, told), np.asarray(true))
 
 
 def summary(ride: Ride) -> dict[str, Any]:
     """Whether the ride kept cycling: cycles on each road, and how it ended."""
     log, memory = ride.result.switches, ride.result.state.memory
-    entered = np.asarray(log.time)[np.asarray(log.target) == ride.loop.controller.cycle_phase]
+    source, target = (np.asarray(ride.loop.phase(np.asarray(x))) for x in (log.source, log.target))
+    entered = np.asarray(log.time)[(target == ride.loop.controller.cycle_phase) & (source != target)]
     cycles = np.histogram(entered, [0.0, *CHANGES, DURATION + 1.0])[0]
-    locked = int(ride.result.mode) == LOCKED
+    locks = ride.loop.locks(ride.result.time, ride.result.state, ride.result.mode)
     end = float(ride.result.time)
     return {
         "controller": ride.label,
@@ -105,15 +106,16 @@ def summary(ride: Ride) -> dict[str, Any]:
         "on wet": int(cycles[1]),
         "on snow": int(cycles[2]),
         "longest cycle [s]": round(float(jnp.maximum(memory.longest_cycle, end - memory.cycle_time)), 3),
-        "ends": f"locked at {end:.2f} s" if locked else "cycling",
+        "locked above 15 km/h [s]": round(float(locks.time[0]), 3),
+        "ends [s]": round(end, 2),
         "speed then [m/s]": round(float(ride.result.state.plant.speed), 2),
     }
 
 
 def share_locked(loop: ClosedLoop) -> float:
-    """Share of the lanes of an ensemble whose wheel locks."""
+    """Share of the lanes of an ensemble whose wheel locks above 15 km/h."""
     result = rollout(loop, loop.at(jnp.asarray(SPEED)), step=STEP, steps=round(DURATION / STEP), max_events=800)
-    return float(np.mean(np.asarray(result.mode) == LOCKED))
+    return float(np.mean(np.asarray(loop.locks(result.time, result.state, result.mode).time[0]) > 0))
 
 
 def tracking_figure(rides: list[Ride]):

@@ -1,6 +1,6 @@
 """An anti-lock controller tuned by gradient descent over a batch of roads and speeds.
 
-Every start is a row of lanes, one lane per road and speed; all starts descend together, their gradients
+Every start is a row of lanes, one lane per road, speed and pedal; all starts descend together, their gradients
 taken in one reverse pass through the located switchings (`tuning.search`). Where the contraction of limit cycles
 is limited, they are looked for at every point of the descent, and what exceeds the limit is charged.
 """
@@ -15,15 +15,17 @@ import numpy as np
 
 from absjax.closed_loop import Controller
 from tuning import search
-from tuning.batch import Problem, Row, build, judge, score
+from tuning.batch import Figures, Problem, build, judge, rows_of
 from tuning.config import TuningConfig
 from tuning.cycles import CycleRow, certify_cycles, charges, exact_charges, rig_loops
+from tuning.legacy import updated_result
+from tuning.phase_times import short_phases
 from tuning.search import Box, Progress
 from tuning.version import VERSION
 
-CANDIDATES = 256
-WIDEST_SEARCH, NARROWING = 0.06, 0.7
-"""Standard deviation of the first refinement on the scales of the box, and its factor from one to the next."""
+CANDIDATES = 64
+WIDEST_SEARCH = 0.15
+"""Standard deviation of the first refinement on the scales of the box."""
 BREACH_CHARGE = 10.0
 """Added to the cost of a set that exceeds the limit on contraction: any set that keeps it is better."""
 FINALISTS = 8
@@ -31,13 +33,46 @@ FINALISTS = 8
 
 
 @dataclasses.dataclass(frozen=True)
+class ResultRow:
+    """One road, speed and pedal: ideal and published distances [m], and the stops of the start and of the tuned set.
+
+    `ideal` is from the pedal, None in results of earlier versions; `published_ideal` is v0^2 / (2 g mu_max), None on a
+    road that changes; `published` is None where nothing is.
+    """
+
+    road: str
+    speed_kmh: float
+    pedal_bar_s: float | None
+    ideal: float | None
+    published_ideal: float | None
+    published: float | None
+    untuned: Figures
+    tuned: Figures
+    sampled: Figures
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the published quantity of the tuned set, located and sampled, is at or below the published one."""
+        if self.published is None:
+            return None
+        found = (self.tuned.published_quantity, self.sampled.published_quantity)
+        return all(d is not None and d <= self.published for d in found)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "ResultRow":
+        """Read back what `dataclasses.asdict` gave."""
+        stops = {name: Figures(**data[name]) for name in ("untuned", "tuned", "sampled")}
+        return cls(**{**data, **stops})
+
+
+@dataclasses.dataclass(frozen=True)
 class TuningResult:
     """A tuned controller and what it is worth. `to_json` and `from_json` are each other's inverse."""
 
     parameters: dict[str, float]
-    rows: list[Row]
+    rows: list[ResultRow]
     cycles: list[CycleRow]
-    """limit cycles on every road; empty for a controller without"""
+    """limit cycles on every uniform road; empty for a controller without"""
     cost: float
     """of the winner, at the worse of both semantics"""
     history: list[list[float]]
@@ -46,6 +81,8 @@ class TuningResult:
     """tuned parameters that ended on one of their limits"""
     config: TuningConfig
     version: str = VERSION
+    warnings: list[str] = dataclasses.field(default_factory=list)
+    """what a user of the set should know: phases that last less than a tick, and the like"""
 
     @property
     def controller(self) -> Controller:
@@ -58,9 +95,11 @@ class TuningResult:
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "TuningResult":
-        """Read back what `to_json` gave."""
-        rows, cycles = [Row(**row) for row in data["rows"]], [CycleRow(**row) for row in data["cycles"]]
-        return cls(**{**data, "rows": rows, "cycles": cycles, "config": TuningConfig.from_json(data["config"])})
+        """Read back what `to_json` gave, or a result of an earlier version."""
+        known = updated_result(data)
+        rows = [ResultRow.from_json(row) for row in known["rows"]]
+        cycles = [CycleRow(**row) for row in known["cycles"]]
+        return cls(**{**known, "rows": rows, "cycles": cycles, "config": TuningConfig.from_json(known["config"])})
 
 
 def tune_abs(config: TuningConfig, *, progress: Progress = lambda i, n, cost: None) -> TuningResult:
@@ -79,14 +118,14 @@ def tune_abs(config: TuningConfig, *, progress: Progress = lambda i, n, cost: No
         rounds=config.refinements,
         count=CANDIDATES,
         widest=WIDEST_SEARCH,
-        narrowing=NARROWING,
         seed=config.seed + 1,
     )
     tuned = {name: float(value) for name, value in box.values(chosen).items()}
     parameters = config.initial() | tuned
     return TuningResult(
         parameters=parameters,
-        rows=score(config, parameters),
+        rows=score(config, problem, parameters),
+        warnings=short_phases(config, problem, parameters),
         cycles=certify_cycles(config, parameters),
         cost=cost,
         history=history,
@@ -143,7 +182,7 @@ def _validate(config: TuningConfig, problem: Problem, box: Box, points) -> np.nd
         best = np.argsort(costs)[:FINALISTS]
         sets = np.stack([parameters[name][best] for name in box.names], axis=1)
         excess = exact_charges(config, box.names, sets)
-        charged = np.full(len(costs), np.inf)
+        charged = costs + 2 * BREACH_CHARGE
         charged[best] = costs[best] + excess + BREACH_CHARGE * (excess > 0)
         return charged
     return costs
@@ -152,7 +191,7 @@ def _validate(config: TuningConfig, problem: Problem, box: Box, points) -> np.nd
 def _starts(config: TuningConfig, problem: Problem, box: Box) -> np.ndarray:
     """The configured start, the known ones, and the best of the screened random ones."""
     initial = config.initial()
-    given = np.clip(np.stack([box.point({**initial, **known}) for known in ({}, *config.known)]), *box.limits)
+    given = box.valid(np.stack([box.point({**initial, **known}) for known in ({}, *config.known)]))
 
     def costs(points):
         return judge(problem, {name: np.asarray(values) for name, values in box.values(points).items()}).costs
@@ -162,3 +201,25 @@ def _starts(config: TuningConfig, problem: Problem, box: Box) -> np.ndarray:
         costs, box, given[0], scatter=config.scatter, count=config.screened, keep=keep, seed=config.seed
     )
     return np.concatenate([given, others])
+
+
+def score(config: TuningConfig, problem: Problem, parameters: Mapping[str, float]) -> list[ResultRow]:
+    """The stops of the configured start and of tuned parameters, located, and those sampled."""
+    initial = config.initial()
+    both = {name: np.array([initial[name], value]) for name, value in parameters.items()}
+    located, sampled = judge(problem, both), judge(problem, both, *config.sampled_grid())
+    rows = [
+        ResultRow(
+            road=row.name,
+            speed_kmh=row.speed_kmh,
+            pedal_bar_s=row.pedal_rate,
+            ideal=float(problem.ideal[i]),
+            published_ideal=row.published_ideal,
+            published=row.published(config.controller),
+            untuned=located.figures(i, 0),
+            tuned=located.figures(i, 1),
+            sampled=sampled.figures(i, 1),
+        )
+        for i, row in enumerate(rows_of(config))
+    ]
+    return sorted(rows, key=lambda row: (row.speed_kmh, row.ideal))

@@ -22,9 +22,9 @@ from tuning.search import Box, Progress
 from tuning.version import VERSION
 
 CHUNK = 32
-"""Sets judged together: one shape, compiled once; and those tried in a round of random search."""
-WIDEST_SEARCH, NARROWING = 0.15, 0.7
-"""Standard deviation of the first round on the scales of the box, and its factor from one to the next."""
+"""Sets judged together: one shape, compiled once; and those of a generation of evolution."""
+WIDEST_SEARCH = 0.15
+"""Standard deviation of the first generation on the scales of the box."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -90,7 +90,6 @@ def tune_observer(
         rounds=config.refinements,
         count=CHUNK,
         widest=WIDEST_SEARCH,
-        narrowing=NARROWING,
         seed=config.seed + 2,
     )
     parameters = {**initial, **{name: float(value) for name, value in box.values(chosen).items()}}

@@ -1,8 +1,8 @@
-"""The logic of production anti-lock systems: eight phases on wheel acceleration and slip.
+"""The textbook anti-lock logic: eight phases on wheel acceleration and slip.
 
 | mode | phase | dPb/dt | leaves when |
 |---|---|---|---|
-| 0 | 1 initial apply | driver's ramp | acc <= -a -> 1 |
+| 0 | 1 initial apply | the driver's | acc <= -a -> 1 |
 | 1 | 2 hold | 0 | R w <= (1 - lambda1) vRef -> 2; false alarm: acc >= -share a -> 0 |
 | 2 | 3, and 8 in later cycles: release | -u_release / (R w) | acc >= -share a -> 3 |
 | 3 | 4 hold, the wheel recovers | 0 | acc >= +a -> 5; acc <= -a -> 2; after the longest hold -> 6 |
@@ -22,11 +22,10 @@ from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from absjax.control.acceleration_phases import TUNED
-from absjax.control.phases import by_phase
-from absjax.parameters import concrete, model, parameter
+from absjax.control.phases import OPEN_VALVE, by_phase, per_rim, while_pressed
+from absjax.parameters import model, parameter
 from absjax.vehicle import Signals
 
 
@@ -44,7 +43,7 @@ class BoschLogic:
     """Thresholds, rates and times of the eight phases.
 
     Raises:
-        ValueError: at construction, unless plus_a < plus_A.
+        ValueError: at construction, unless plus_A is 2 m/s^2 above plus_a at least.
     """
 
     phases: ClassVar[tuple[str, ...]] = (
@@ -62,13 +61,14 @@ class BoschLogic:
     """the phase whose entry counts a cycle"""
     thresholds: ClassVar[tuple[str, ...]] = ("minus_a", "plus_a", "plus_A")
     """the fields that noise of the measured acceleration keeps from being small"""
+    ordered: ClassVar[tuple[tuple[str, str, float], ...]] = (("plus_a", "plus_A", 2.0),)
+    """(lower, higher, by how much at least)"""
 
     minus_a: Any = parameter("a of -a, deceleration of the rim, m/s^2", default=30.0, **TUNED)
     plus_a: Any = parameter("+a, acceleration that ends the second hold, m/s^2", default=10.0, **TUNED)
     plus_A: Any = parameter("+A, acceleration that asks for more pressure, m/s^2", default=40.0, **TUNED)
     lambda1: Any = parameter("lambda1, slip on the reference speed", default=0.08, high=1.0, **TUNED)
     gradient: Any = parameter("at which the reference speed falls, m/s^2", default=8.0, **TUNED)
-    ramp: Any = parameter("driver's ramp, bar m/s^2", default=6000.0, **TUNED)
     release: Any = parameter("u_release, bar m/s^2", default=8000.0, **TUNED)
     apply: Any = parameter("u_apply, bar m/s^2", default=5000.0, **TUNED)
     step: Any = parameter("u_step, during a pulse, bar m/s^2", default=5000.0, **TUNED)
@@ -76,10 +76,6 @@ class BoschLogic:
     pause: Any = parameter("length of a pause, s", default=0.02, **TUNED)
     longest_hold: Any = parameter("longest hold after the release, s", default=0.15, **TUNED)
     share: Any = parameter("of a threshold at which it is left again", default=0.9, low=0.0, high=0.999, open_low=True)
-
-    def __post_init__(self):
-        if concrete(self.plus_a) and concrete(self.plus_A) and not np.all(np.less(self.plus_a, self.plus_A)):
-            raise ValueError(f"BoschLogic.plus_a = {self.plus_a} must be below plus_A = {self.plus_A}")
 
     def at(self, signals: Signals) -> Reference:
         """The reference is the rim."""
@@ -90,8 +86,8 @@ class BoschLogic:
 
     def rate(self, signals: Signals, kept: Reference, mode):
         """Commanded dPb/dt [bar/s]."""
-        strength = by_phase(mode, (self.ramp, 0.0, -self.release, 0.0, self.apply, 0.0, self.step, 0.0))
-        return strength / (signals.radius * signals.wheel_speed)
+        strength = by_phase(mode, (0.0, 0.0, -self.release, 0.0, self.apply, 0.0, self.step, 0.0))
+        return jnp.where(mode == 0, OPEN_VALVE, per_rim(strength, signals))
 
     def guards(self, signals: Signals, kept: Reference, mode):
         """One slot for each way on, in the order of the table."""
@@ -100,7 +96,16 @@ class BoschLogic:
         slower = (1 - self.lambda1) * self._reference(signals, kept) - signals.radius * signals.wheel_speed
         falls, recovers = -self.minus_a - acc, acc + self.share * self.minus_a
         rises, sinks = acc - self.plus_A, self.plus_a + self.share * (self.plus_A - self.plus_a) - acc
-        first = (falls, slower, recovers, acc - self.plus_a, sinks, self.share * self.plus_a - acc, falls, falls)
+        first = (
+            while_pressed(falls, signals),
+            slower,
+            recovers,
+            acc - self.plus_a,
+            sinks,
+            self.share * self.plus_a - acc,
+            falls,
+            falls,
+        )
         second = (-1.0, recovers, -1.0, falls, -1.0, rises, spent - self.pulse, spent - self.pause)
         third = jnp.where(mode == 3, spent - self.longest_hold, -1.0)
         return by_phase(mode, first), by_phase(mode, second), third

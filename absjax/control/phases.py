@@ -1,6 +1,13 @@
-"""What depends on the phase of an automaton."""
+"""What the automata of controllers share."""
 
 import jax.numpy as jnp
+
+from absjax.vehicle import Signals
+
+OPEN_VALVE = 1e4
+"""Rate asked for by a controller that leaves the brake to the driver, bar/s: the pedal or the actuator sets the pace."""
+SLOWEST_RIM = 0.5
+"""Speed of the rim below which rates in bar m/s^2 are divided by this one, m/s: a locked wheel divides by nothing."""
 
 
 def by_phase(mode, values):
@@ -9,3 +16,18 @@ def by_phase(mode, values):
     for phase, value in reversed(list(enumerate(values[:-1]))):
         chosen = jnp.where(mode == phase, value, chosen)
     return chosen
+
+
+def per_rim(strength, signals: Signals):
+    """dPb/dt [bar/s] of a strength u [bar m/s^2]: u / (R w)."""
+    return strength / jnp.maximum(signals.radius * signals.wheel_speed, SLOWEST_RIM)
+
+
+def onset_threshold(least, growth, signals: Signals):
+    """Deceleration that ends driver braking [m/s^2]: least + growth R w."""
+    return least + growth * signals.radius * signals.wheel_speed
+
+
+def while_pressed(guard, signals: Signals):
+    """A guard that control begins with: it fires only while the driver presses the pedal."""
+    return jnp.where(signals.pedal > 0.5, guard, -1.0)

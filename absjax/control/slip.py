@@ -12,6 +12,7 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from absjax.control.driver import DriverBraking
+from absjax.control.phases import OPEN_VALVE
 from absjax.parameters import model, parameter, part
 from absjax.vehicle import Signals, Wheel
 
@@ -42,7 +43,7 @@ class SlipControl(DriverBraking):
         slip = self.wheel.slip(signals.wheel_speed, speed)
         target = signals.vehicle_acceleration * slip - self.pull * (slip - self.slip)
         follow = self.gain * (signals.acceleration_offset - target) / (speed * self.wheel.pressure_gain)
-        return jnp.where(mode == 0, self.driver_rate(signals), follow)
+        return jnp.where(mode == 0, OPEN_VALVE, follow)
 
     def guards(self, signals: Signals, kept, mode):
         """The end of driver braking."""

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 
 from absjax._numerics import safe_divide
 from absjax.control.driver import DriverBraking
+from absjax.control.phases import OPEN_VALVE
 from absjax.hybrid import UNDEFINED
 from absjax.parameters import model, parameter, part
 from absjax.vehicle import Signals, Wheel
@@ -55,7 +56,7 @@ class StiffnessControl(DriverBraking):
         slope = safe_divide(-self.rate_gain * self.d * z1, room, defined)
         pull = self.gain * (z1 - target) - slope - self.wheel.slip_gain * z1 * z2
         follow = pull / (signals.vehicle_speed * self.wheel.pressure_gain)
-        return jnp.where(mode == 0, self.driver_rate(signals), follow)
+        return jnp.where(mode == 0, OPEN_VALVE, follow)
 
     def guards(self, signals: Signals, kept, mode):
         """The end of driver braking; then the end of where the law is defined."""

@@ -1,7 +1,6 @@
 """The five-phase algorithm with closed-loop tracking of the wheel acceleration.
 
-The phases and thresholds are those of `absjax.control.acceleration_phases`, and one way back that is ours: from the
-hold of phase 5 to the slow apply of phase 4, through x2 = -fallback eps4, where the wheel has recovered by itself.
+The phases and thresholds are those of `absjax.control.acceleration_phases`.
 Where the pressure changes (phases 1, 3 and 4) the acceleration offset follows a cubic from its value at the entry, e_i,
 to beyond the next threshold, e_j, level at both ends,
 
@@ -9,7 +8,7 @@ to beyond the next threshold, e_j, level at both ends,
     u = -(1/b) [(a/v) XBS^ x2 + x2*' - alpha (x2 - x2*)]
 
 so that the pressure finds the level the road can bear. T is the shortest time in which the cubic alone
-asks for no more than dPb_max. Where nothing is followed the pressure is held, in phase 0 the driver's.
+asks for no more than dPb_max. Where nothing is followed the pressure is held, in phase 0 it is the driver's.
 Source: Hoang et al. 2014, section V, eq. 21-22 (there b < 0 and + b u).
 """
 
@@ -20,7 +19,7 @@ import jax.numpy as jnp
 
 from absjax._numerics import safe_divide
 from absjax.control.acceleration_phases import AccelerationPhases
-from absjax.control.phases import by_phase
+from absjax.control.phases import OPEN_VALVE, by_phase
 from absjax.parameters import model, parameter, part
 from absjax.vehicle import Signals, Wheel
 
@@ -44,7 +43,6 @@ class AccelerationTracking(AccelerationPhases):
     beyond: Any = parameter(
         "the cubic ends beyond the threshold by this share of the way, so that it is crossed", default=0.2, low=0.0
     )
-    ramp: Any = parameter("driver's ramp, bar m/s^2", default=6000.0, low=0.0, open_low=True)
 
     def at(self, signals: Signals) -> Entry:
         """An entry here and now."""
@@ -60,16 +58,4 @@ class AccelerationTracking(AccelerationPhases):
         target = kept.offset + way * share**2 * (3 - 2 * share)
         slope = safe_divide(way * 6 * share * (1 - share), duration, duration > 0)
         tracking = -(a / signals.vehicle_speed * signals.stiffness * x2 + slope - self.gain * (x2 - target)) / b
-        driver = self.ramp / (signals.radius * signals.wheel_speed)
-        return by_phase(mode, (driver, tracking, 0.0, tracking, tracking, 0.0))
-
-    def guards(self, signals: Signals, kept: Entry, mode):
-        """Those of the five phases; in phase 5 slot 1 tells that the wheel has recovered by itself."""
-        onward, back = super().guards(signals, kept, mode)
-        recovered = signals.acceleration_offset + self.fallback * self.eps4
-        return onward, jnp.where(mode == 5, recovered, back)
-
-    def switch(self, signals: Signals, kept: Entry, mode, slot):
-        """The phase that follows, entered now; from phase 5 back to 4 where the wheel has recovered."""
-        following = jnp.where((mode == 5) & (slot == 1), 4, self.following(mode, slot))
-        return Entry(signals.time, signals.acceleration_offset), following
+        return by_phase(mode, (OPEN_VALVE, tracking, 0.0, tracking, tracking, 0.0))

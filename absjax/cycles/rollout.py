@@ -124,12 +124,13 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
     def begin(loop, point) -> LoopState:
         plant, brake, observer = jax.tree.unflatten(tree, [point[..., i] for i in range(point.shape[-1])])
         zero = 0.0 * point[..., 0]
-        state = LoopState(plant, brake, observer, (), Memory(zero, zero, zero, zero, zero, zero))
+        pedal = loop.driver.pressed(zero) if loop.driver.limits else None
+        state = LoopState(plant, brake, pedal, observer, (), Memory.blank(zero))
         return state._replace(controller=_each(lambda loop, told: loop.controller.at(told), loop, _told(loop, state)))
 
     def returned(loop, point):
-        begun, phase = begin(loop, point), loop.controller.cycle_phase
-        end = rollout(_Cycles(loop, 1), begun, phase, step=step, steps=steps, max_events=max_events)
+        begun, mode = begin(loop, point), loop.mode(loop.controller.cycle_phase)
+        end = rollout(_Cycles(loop, 1), begun, mode, step=step, steps=steps, max_events=max_events)
         parts = jax.tree.leaves((end.state.plant, end.state.brake, end.state.observer))
         return jnp.stack(parts, axis=-1), (end.time, end.status)
 
@@ -168,7 +169,7 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
 
 def _told(loop: ClosedLoop, state: LoopState):
     """What the controller is told at time 0."""
-    return _each(lambda loop, state: loop.signals(0.0 * state.plant.wheel_speed, state), loop, state)
+    return _each(lambda loop, state: loop.signals(0.0 * state.plant.wheel_speed, state, loop.mode(0)), loop, state)
 
 
 def _each(function, loop: ClosedLoop, *arguments):

@@ -13,18 +13,20 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop, SampledLoop
+from absjax.closed_loop import ClosedLoop
 from absjax.control.bosch import BoschLogic
 from absjax.control.five_phase import FivePhase
 from absjax.control.slip import SlipControl
 from absjax.control.stiffness import StiffnessControl
 from absjax.control.tracking import AccelerationTracking
 from absjax.control.two_phase import TwoPhase
+from absjax.driver import FreeRamp
 from absjax.engine import rollout
 from absjax.hybrid import UNDEFINED
 from absjax.manoeuvre import Outcome, stop
 from absjax.observers.adaptive import AdaptiveObserver
 from absjax.road import SURFACES, UniformRoad
+from absjax.sampled_loop import SampledLoop
 from absjax.vehicle import QuarterCar, Wheel
 
 INERTIA, RADIUS, LOAD, BRAKE, GRAVITY = 1.2, 0.3, 2500.0, 17.5, 9.81
@@ -61,7 +63,7 @@ class Case(NamedTuple):
 
     controller: Any
     rate: Any
-    """(mode, seen, kept, p) -> bar/s"""
+    """(mode, seen, kept, p) -> bar/s, but for mode 0"""
     edges: Any
     """(mode, seen, kept, p) -> [(guard, following)]"""
     keep: Any
@@ -71,6 +73,15 @@ class Case(NamedTuple):
     """switchings (from, to) the case goes through"""
     lag: float | None = None
     duration: float = 0.7
+    ramp: float = 6000.0
+    """of the published simulations, in mode 0, bar m/s^2"""
+
+    def command(self, mode, s, kept):
+        return self.ramp / s.rim if mode == 0 else self.rate(mode, s, kept, self.controller)
+
+    @property
+    def loop(self) -> ClosedLoop:
+        return loop_of(self.controller, self.ramp, lag=self.lag)
 
 
 def nothing(s, kept, p):
@@ -78,19 +89,18 @@ def nothing(s, kept, p):
 
 
 def five_rate(mode, s, kept, p):
-    return [p.ramp * p.u4, -p.u1, 0.0, p.u3, p.u4, 0.0][mode] / s.rim
+    return [0.0, -p.u1, 0.0, p.u3, p.u4, 0.0][mode] / s.rim
 
 
 def five_edges(mode, s, kept, p):
     x = s.x2
     onward = [-p.eps0 - x, x - p.eps1, x - p.eps2, p.eps3 - x, -p.eps4 - x, -p.eps5 - x][mode]
     ways = [(onward, 1 if mode == 5 else mode + 1)]
-    return ways + [(p.fallback * p.eps1 - x, 4)] if mode == 2 else ways
+    back = {1: s.t - kept[0] - p.longest_release, 2: p.fallback * p.eps1 - x, 5: x + p.fallback * p.eps4}
+    return ways + [(back[mode], 4)] if mode in back else ways
 
 
 def tracking_rate(mode, s, kept, p):
-    if mode == 0:
-        return p.ramp / s.rim
     if mode in (2, 5):
         return 0.0
     way = 1.2 * ({1: p.eps1, 3: p.eps3, 4: -p.eps4}[mode] - kept[1])
@@ -100,14 +110,9 @@ def tracking_rate(mode, s, kept, p):
     return -(A / s.v * s.xbs * s.x2 + slope - p.gain * (s.x2 - target)) / B
 
 
-def tracking_edges(mode, s, kept, p):
-    ways = five_edges(mode, s, kept, p)
-    return ways + [(s.x2 + p.fallback * p.eps4, 4)] if mode == 5 else ways
-
-
 def two_rate(mode, s, kept, p):
-    target = {1: p.zref, 2: -p.zref, 3: p.recovery * p.zref}.get(mode)
-    return p.ramp / s.rim if mode == 0 else (p.gain * (s.x2 - target) - A * s.x2 * s.xbs) / (s.v * B)
+    target = {1: p.zref, 2: -p.zref, 3: p.recovery * p.zref}[mode]
+    return (p.gain * (s.x2 - target) - A * s.x2 * s.xbs) / (s.v * B)
 
 
 def two_edges(mode, s, kept, p):
@@ -121,16 +126,12 @@ def two_edges(mode, s, kept, p):
 
 
 def stiffness_rate(mode, s, kept, p):
-    if mode == 0:
-        return p.ramp / s.rim
     room = p.c * s.xbs + p.d
     target, slope = -p.rate_gain * s.xbs / room, -p.rate_gain * p.d * s.x2 / room / s.v
     return (-A / s.v * s.x2 * s.xbs + p.gain / s.v * (s.x2 - target) - slope) / B
 
 
 def slip_rate(mode, s, kept, p):
-    if mode == 0:
-        return p.ramp / s.rim
     return p.gain * (s.x2 - (s.ax * s.slip - p.pull * (s.slip - p.slip))) / (s.v * B)
 
 
@@ -139,7 +140,7 @@ def driver_edge(mode, s, kept, p):
 
 
 def bosch_rate(mode, s, kept, p):
-    return [p.ramp, 0.0, -p.release, 0.0, p.apply, 0.0, p.step, 0.0][mode] / s.rim
+    return [0.0, 0.0, -p.release, 0.0, p.apply, 0.0, p.step, 0.0][mode] / s.rim
 
 
 def bosch_edges(mode, s, kept, p):
@@ -168,7 +169,6 @@ BOSCH = BoschLogic(
     plus_A=11.4391,
     lambda1=0.037,
     gradient=11.8787,
-    ramp=9392.5,
     release=16928.0,
     apply=7489.3,
     step=3002.1,
@@ -181,10 +181,18 @@ BOSCH = BoschLogic(
 BOSCH_VISITED = {(0, 1), (1, 0), (1, 2), (2, 3), (3, 5), (3, 6), (4, 5), (5, 4), (5, 6), (6, 2), (6, 7), (7, 2), (7, 6)}
 CASES = {
     "five-phase": Case(FivePhase(), five_rate, five_edges, nothing, "eps1", {(2, 3), (3, 4), *AROUND}),
+    "five-phase, ways back": Case(
+        FivePhase(eps1=40.0, eps2=52.0, u1=20000.0, longest_release=0.012, fallback=0.97),
+        five_rate,
+        five_edges,
+        nothing,
+        "longest_release",
+        {(1, 4), (5, 4), *AROUND},
+    ),
     "tracking": Case(
         AccelerationTracking(eps1=20.0, eps2=25.0, eps3=12.0, eps5=25.0),
         tracking_rate,
-        tracking_edges,
+        five_edges,
         nothing,
         "eps1",
         {(2, 3), (3, 4), (5, 4), *AROUND},
@@ -197,12 +205,12 @@ CASES = {
         StiffnessControl(c=33.8, d=11.7), stiffness_rate, driver_edge, nothing, "rate_gain", {(0, 1)}
     ),
     "continuous slip": Case(SlipControl(), slip_rate, driver_edge, nothing, "slip", {(0, 1)}),
-    "eight-phase": Case(BOSCH, bosch_rate, bosch_edges, bosch_keep, "release", BOSCH_VISITED, 0.01122, 1.0),
+    "eight-phase": Case(BOSCH, bosch_rate, bosch_edges, bosch_keep, "release", BOSCH_VISITED, 0.01122, 1.0, 9392.5),
 }
 
 
-def loop_of(controller, **brake) -> ClosedLoop:
-    return ClosedLoop(QuarterCar(Wheel(), UniformRoad(TYRE)), Brake(**brake), controller)
+def loop_of(controller, ramp=6000.0, **brake) -> ClosedLoop:
+    return ClosedLoop(QuarterCar(Wheel(), UniformRoad(TYRE)), Brake(**brake), controller, driver=FreeRamp(ramp))
 
 
 def begin(case: Case):
@@ -222,7 +230,7 @@ def located_by_scipy(case: Case):
     kept = case.keep(seen(t, y), (0.0, SPEED), p)
 
     def flow(t, y, mode, kept):
-        return slope(case, t, y, case.rate(mode, seen(t, y), kept, p))
+        return slope(case, t, y, case.command(mode, seen(t, y), kept))
 
     while True:
         s = seen(t, y)
@@ -264,7 +272,7 @@ def sampled_by_hand(case: Case, step: float, steps: int):
     """End state and number of switchings: Runge-Kutta steps, guards tested at each, the rate held between."""
     p, y, mode, count = case.controller, begin(case), 0, 0
     kept = case.keep(seen(0.0, y), (0.0, SPEED), p)
-    rate = case.rate(mode, seen(0.0, y), kept, p)
+    rate = case.command(mode, seen(0.0, y), kept)
     for k in range(1, steps + 1):
 
         def flow(y, rate=rate, k=k):
@@ -279,7 +287,7 @@ def sampled_by_hand(case: Case, step: float, steps: int):
             if guard >= 0:
                 mode, kept, count = following, case.keep(s, kept, p), count + 1
                 break
-        rate = case.rate(mode, s, kept, p)
+        rate = case.command(mode, s, kept)
     return y[:4], count
 
 
@@ -295,7 +303,7 @@ def test_located_against_scipy_and_gradient_against_differences(name):
     h = 1e-4 * abs(value)
 
     def run(values):
-        loop = loop_of(dataclasses.replace(case.controller, **{case.trained: values}), lag=case.lag)
+        loop = loop_of(dataclasses.replace(case.controller, **{case.trained: values}), case.ramp, lag=case.lag)
         steps = round(case.duration / STEP)
         return rollout(loop, loop.at(jnp.asarray(SPEED)), step=STEP, steps=steps, max_events=120)
 
@@ -314,7 +322,7 @@ def test_located_against_scipy_and_gradient_against_differences(name):
 @pytest.mark.parametrize("name", ["tracking", "eight-phase"])
 def test_one_lane_as_one_of_many(name):
     case = CASES[name]
-    loop, start = loop_of(case.controller, lag=case.lag), jnp.array([15.0, SPEED])
+    loop, start = case.loop, jnp.array([15.0, SPEED])
     many, one = (rollout(loop, loop.at(v), step=STEP, steps=800, max_events=120) for v in (start, start[1]))
     for lanes, single in zip(jax.tree.leaves(many.state), jax.tree.leaves(one.state)):
         assert float(lanes[1]) == pytest.approx(float(single), rel=1e-11, abs=1e-11)
@@ -323,7 +331,7 @@ def test_one_lane_as_one_of_many(name):
 @pytest.mark.parametrize("name", CASES)
 def test_sampled_against_a_plain_loop(name):
     case, step, steps = CASES[name], 1e-3, 600
-    sampled = SampledLoop(loop_of(case.controller, lag=case.lag))
+    sampled = SampledLoop(case.loop)
     result = rollout(sampled, sampled.at(jnp.asarray(SPEED)), step=step, steps=steps)
     expected, count = sampled_by_hand(case, step, steps)
     np.testing.assert_allclose([float(x) for x in end_of(result)], expected, rtol=1e-8)
@@ -339,7 +347,11 @@ def test_continuous_control_of_xbs_reaches_the_peak_and_says_when_it_is_not_defi
     loop = dataclasses.replace(loop_of(controller), stop_speed=8.0)
     result = stop(loop, SPEED, horizon=3.0, step=1e-3)
     assert Outcome(int(result.outcome)) is Outcome.STOPPED
-    assert float(result.efficiency) > 0.99 and float(result.longest_cycle) == 0.0 and int(result.cycles) == 0
+    assert (
+        float(result.mean_friction) > 0.99 * float(TYRE.peak().friction)
+        and float(result.longest_cycle) == 0.0
+        and int(result.cycles) == 0
+    )
     narrow = dataclasses.replace(loop, controller=StiffnessControl(c=C2, d=1.0))
     assert Outcome(int(stop(narrow, SPEED, horizon=3.0, step=1e-3).outcome)) is Outcome.CONTROL_UNDEFINED
     sampled = SampledLoop(dataclasses.replace(loop_of(StiffnessControl(c=C2, d=1.0)), stop_speed=8.0))
@@ -354,21 +366,21 @@ def test_continuous_control_of_xbs_reaches_the_peak_and_says_when_it_is_not_defi
 
 def test_a_loop_starts_where_it_is_told_to():
     state = loop_of(TwoPhase()).braking(jnp.asarray(SPEED), TYRE.slip_at(1.5), -30.0)
-    signals = loop_of(TwoPhase()).signals(0.0, state)
+    signals = loop_of(TwoPhase()).signals(0.0, state, 1)
     assert float(signals.acceleration_offset) == pytest.approx(-30.0, rel=1e-12)
     assert float(signals.stiffness) == pytest.approx(1.5, rel=1e-12)
     lagging = loop_of(TwoPhase(), lag=5e-3, delay=1e-3)
-    same = lagging.signals(0.0, lagging.braking(jnp.asarray(SPEED), TYRE.slip_at(1.5), -30.0))
+    same = lagging.signals(0.0, lagging.braking(jnp.asarray(SPEED), TYRE.slip_at(1.5), -30.0), 1)
     assert float(same.acceleration_offset) == pytest.approx(-30.0, rel=1e-12)
 
 
 def test_a_wheel_that_drops_again_is_released_again():
-    signals = loop_of(BOSCH).signals(0.0, loop_of(BOSCH).braking(jnp.asarray(SPEED), TYRE.slip_at(-0.1), -30.0))
+    signals = loop_of(BOSCH).signals(0.0, loop_of(BOSCH).braking(jnp.asarray(SPEED), TYRE.slip_at(-0.1), -30.0), 3)
     guards = BOSCH.guards(signals, BOSCH.at(signals), 3)
     assert [float(g) > 0 for g in guards] == [False, True, False]
     assert int(BOSCH.switch(signals, BOSCH.at(signals), 3, 1)[1]) == 2
 
 
 def test_thresholds_out_of_order_are_refused():
-    with pytest.raises(ValueError, match=r"BoschLogic\.plus_a = 50\.0 must be below plus_A = 40\.0"):
+    with pytest.raises(ValueError, match=r"BoschLogic\.plus_A = 40\.0 must be at least plus_a \+ 2 = 52\.0"):
         BoschLogic(plus_a=50.0)

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from absjax.driver import Driver
 from absjax.engine import Status, rollout
 from absjax.tyre import Burckhardt
 from tests.systems import (
@@ -80,12 +81,12 @@ def test_gradient(gradient, central_differences):
 def test_gradient_with_actuator_and_road_parameters_against_differences():
     def final_speed(p):
         loop = five_phase_loop(
-            PARAMETERS, Burckhardt(p[0], p[1], p[2]), rate_limit=p[3], lag=p[4], driver_pressure=p[5]
+            PARAMETERS, Burckhardt(p[0], p[1], p[2]), driver=Driver(p[5], p[6], p[7]), rate_limit=p[3], lag=p[4]
         )
-        result = rollout(loop, loop.at(p[6]), step=2e-3, steps=400, max_events=40)
+        result = rollout(loop, loop.at(p[8]), step=2e-3, steps=400, max_events=40)
         return result.state.plant.speed
 
-    p = jnp.array([1.2801, 23.99, 0.52, 750.0, 5e-3, 55.0, 20.0])
+    p = jnp.array([1.2801, 23.99, 0.52, 750.0, 5e-3, 400.0, 0.013, 55.0, 20.0])
     scaled = np.asarray(jax.jit(jax.grad(final_speed))(p) * p)
     value = jax.jit(final_speed)
     eps = 1e-6

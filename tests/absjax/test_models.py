@@ -1,21 +1,18 @@
 """Roads, plants, the brake and the closed loop."""
 
-import dataclasses
-
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 from absjax.actuator import Brake
-from absjax.closed_loop import SampledLoop
 from absjax.control.five_phase import FivePhase
 from absjax.engine import rollout
 from absjax.hybrid import Smooth
 from absjax.manoeuvre import Outcome, stop
 from absjax.parameters import model, parameter, part
 from absjax.road import SURFACES, ChangingRoad, UniformRoad, as_road, surface
+from absjax.sampled_loop import SampledLoop
 from absjax.tyre import Burckhardt
 from absjax.vehicle import CarState, QuarterCar, RigState, TestRig, Wheel
 from tests.systems import PARAMETERS, five_phase_loop
@@ -34,11 +31,14 @@ def test_changing_road_is_each_surface_outside_its_blends(along):
     assert float(road.friction(-0.1, *at(1.05))) == pytest.approx(float(half), rel=1e-12)
 
 
-def test_mean_peak_friction_against_quadrature():
+def test_peak_friction_is_no_less_than_what_a_blend_offers():
     road = ChangingRoad((DRY, WET, SNOW), (1.0, 2.0), 0.3)
-    for start, end in ((0.0, 3.0), (1.1, 2.1), (1.05, 1.25), (2.5, 2.6)):
-        area, _ = quad(lambda t: float(road.peak_friction(t, 0.0)), start, end, points=[1.0, 1.3, 2.0, 2.3], limit=200)
-        assert float(road.mean_peak_friction((start, 0.0), (end, 9.0))) == pytest.approx(area / (end - start), rel=1e-7)
+    slip = -np.linspace(0.0, 1.0, 2001)
+    for time in (0.5, 1.1, 1.15, 1.2, 1.5, 2.15, 3.0):
+        offered = -float(road.friction(slip, time, 0.0).min())
+        assert offered <= float(road.peak_friction(time, 0.0)) + 1e-6
+        if not 0 < (time - 1.0) % 1.0 < 0.3:
+            assert float(road.peak_friction(time, 0.0)) == pytest.approx(offered, rel=1e-5)
 
 
 def test_roads_are_refused_by_name():
@@ -186,18 +186,7 @@ def test_sampled_loop_converges_to_the_located_one():
     assert errors[1] < 0.2 * errors[0] and errors[1] < 0.01
 
 
-def test_pressure_stays_between_zero_and_the_drivers():
-    loop = five_phase_loop(jnp.array([50.0, 60.0, 70, 20, 20, 30, 20000, 4000, 2000]), tyre=SNOW, driver_pressure=20.0)
-    result = rollout(loop, loop.at(jnp.asarray(20.0)), step=2e-3, steps=600, save_every=1, save_switches=True)
-    commanded = np.asarray(result.trajectory.state.brake.commanded)
-    assert commanded.min() > -1e-6 and commanded.max() < 20 + 1e-6
-    rests = np.asarray(result.switches.target)[: int(result.events)] >= 6
-    assert rests.any() and np.isclose(commanded, 0.0, atol=1e-6).any()
-    gradient = jax.grad(lambda s: rollout(loop, loop.at(s), step=2e-3, steps=600).state.plant.speed)(jnp.asarray(20.0))
-    assert np.isfinite(float(gradient))
-
-
-def test_stop_reports_distance_friction_efficiency_and_cycles():
+def test_stop_reports_distance_friction_and_cycles():
     result = stop(five_phase_loop(PARAMETERS, stop_speed=2.5 / 3.6), 60 / 3.6, horizon=5.0, save_switches=True)
     assert Outcome(int(result.outcome)) is Outcome.STOPPED
     log = result.rollout.switches
@@ -207,24 +196,9 @@ def test_stop_reports_distance_friction_efficiency_and_cycles():
     assert float(result.rollout.state.memory.onset_time) == onset
     speed = float(result.rollout.state.memory.onset_speed)
     assert float(result.mean_friction) == pytest.approx((speed - 2.5 / 3.6) / (9.81 * (end - onset)), rel=1e-9)
-    peak = float(DRY.peak().friction)
-    assert float(result.efficiency) == pytest.approx(float(result.mean_friction) / peak, rel=1e-12)
-    assert 0.97 < float(result.efficiency) < 1
-
-
-def test_a_locked_wheel_slides_the_rest_of_the_way():
-    ramp_only = FivePhase(eps0=1e6)
-    loop = dataclasses.replace(five_phase_loop(stop_speed=1.0), controller=ramp_only)
-    result = stop(loop, 20.0, horizon=8.0)
-    assert Outcome(int(result.outcome)) is Outcome.LOCKED
-    lock = result.rollout
-    sliding = -9.81 * float(DRY.friction(-1.0))
-    rest = (float(lock.state.plant.speed) ** 2 - 1.0) / (2 * sliding)
-    assert float(result.distance) == pytest.approx(float(lock.state.plant.distance) + rest, rel=1e-12)
-    gradient = jax.grad(
-        lambda u: stop(dataclasses.replace(loop, controller=FivePhase(eps0=1e6, u4=u)), 20.0, horizon=8.0).distance
-    )
-    assert np.isfinite(float(gradient(2000.0)))
+    quantity = (60 / 3.6) ** 2 / (2 * 9.81 * float(result.mean_friction))
+    assert float(result.published_quantity) == pytest.approx(quantity, rel=1e-12)
+    assert 0.97 < float(result.mean_friction) / float(DRY.peak().friction) < 1
 
 
 PUBLISHED = {
@@ -238,7 +212,7 @@ def test_published_five_phase_distances_within_half_a_percent():
     roads, speeds = list(PUBLISHED), np.array([60.0, 120.0, 180.0]) / 3.6
     tyre = Burckhardt(*(np.repeat([float(getattr(SURFACES[r], c)) for r in roads], 3) for c in ("c1", "c2", "c3")))
     result = stop(five_phase_loop(PARAMETERS, tyre=tyre, stop_speed=2.5 / 3.6), np.tile(speeds, 3), horizon=8.0)
-    np.testing.assert_allclose(result.equivalent_distance.reshape(3, 3), [PUBLISHED[r] for r in roads], rtol=5e-3)
+    np.testing.assert_allclose(result.published_quantity.reshape(3, 3), [PUBLISHED[r] for r in roads], rtol=5e-3)
 
 
 def test_stop_is_refused_by_name():

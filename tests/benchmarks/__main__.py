@@ -41,15 +41,14 @@ def runner(dtype, *, lanes=LANES, sampled=False, steps=STEPS, stop_speed=2.5, ch
     """`run(parameters) -> Rollout` of scattered lanes."""
     import jax.numpy as jnp
 
-    from absjax import Brake, Burckhardt, ClosedLoop, FivePhase, QuarterCar, SampledLoop, UniformRoad, Wheel, rollout
-    from tests.systems import NAMES
+    from absjax import Burckhardt, SampledLoop, rollout
+    from tests.systems import five_phase_loop
 
     tyre = Burckhardt(*(jnp.asarray(c, dtype) for c in scattered(lanes)))
     speed = jnp.full(lanes, SPEED, dtype)
 
     def run(parameters):
-        controller = FivePhase(**dict(zip(NAMES, parameters)))
-        loop = ClosedLoop(QuarterCar(Wheel(), UniformRoad(tyre)), Brake(), controller, stop_speed)
+        loop = five_phase_loop(parameters, tyre, stop_speed)
         system = SampledLoop(loop) if sampled else loop
         return rollout(system, system.at(speed), step=STEP, steps=steps, max_events=200, checkpoint=checkpoint)
 

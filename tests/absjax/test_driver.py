@@ -1,0 +1,268 @@
+"""The pedal is given: limits, lock, a pedal lifted and pressed anew, against a car written by hand; the ideal stop.
+
+The oracle is SciPy's DOP853 with terminal events, restarted at every switching; it uses no model of the project.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from absjax.actuator import Brake
+from absjax.closed_loop import LOCK_SPEEDS, ClosedLoop
+from absjax.control.five_phase import FivePhase
+from absjax.driver import Driver, FreeRamp
+from absjax.ideal import ideal_distance
+from absjax.manoeuvre import Outcome, stop
+from absjax.road import SURFACES, ChangingRoad, UniformRoad
+from absjax.sampled_loop import SampledLoop
+from absjax.vehicle import QuarterCar, Wheel
+
+INERTIA, RADIUS, LOAD, BRAKE, GRAVITY = 1.2, 0.3, 2500.0, 17.5, 9.81
+RATE_LIMIT, LAG = 750.0, 5e-3
+WET = SURFACES["wet_asphalt"]
+CONTROLLER = FivePhase(eps0=90.0, eps4=60.0, eps5=90.0, u1=3000.0)
+DRIVER = Driver(rate=900.0, delay=0.03, largest=60.0, changes=(1.0, 1.25), release_rate=900.0)
+SPEED, END = 18.0, 4.0
+ANGLE = np.array([0.4, 0.9, -0.3, 0.2])
+
+
+def loop_of(controller=CONTROLLER, driver=DRIVER, road=None, **brake) -> ClosedLoop:
+    car = QuarterCar(Wheel(), UniformRoad(WET) if road is None else road)
+    return ClosedLoop(car, Brake(**{"rate_limit": RATE_LIMIT, "lag": LAG, **brake}), controller, END, driver=driver)
+
+
+class ByHand:
+    """What the foot, the pressure, the wheel and the controller do; y = v, w, x, P, lagged, pedal."""
+
+    def __init__(self, controller=CONTROLLER, driver=DRIVER):
+        self.p, self.d = controller, driver
+        self.phase, self.pressure, self.locked, self.foot, self.moves = 0, "pedal", False, "off", 0
+        self.lock_began, self.lock_time, self.locks, self.seen = None, np.zeros(2), 0, set()
+
+    def friction(self, v, w):
+        slip = RADIUS * w / v - 1
+        c1, c2, c3 = (float(c) for c in (WET.c1, WET.c2, WET.c3))
+        return np.sign(slip) * c1 * (1 - np.exp(-c2 * abs(slip))) - c3 * slip
+
+    def spin(self, y):
+        return (-RADIUS * LOAD * self.friction(y[0], y[1]) - BRAKE * min(max(y[4], 0.0), y[5])) / INERTIA
+
+    def x2(self, y):
+        return (0.0 if self.locked else RADIUS * self.spin(y)) - GRAVITY * self.friction(y[0], y[1])
+
+    def rate(self, y):
+        rim = max(RADIUS * y[1], 0.5)
+        p = self.p
+        asked = [1e4, -p.u1 / rim, 0.0, p.u3 / rim, p.u4 / rim, 0.0][self.phase]
+        return np.clip(asked, -RATE_LIMIT, RATE_LIMIT)
+
+    def slope(self):
+        return {"off": 0.0, "pressing": self.d.rate, "held": 0.0, "lifting": -self.d.release_rate}[self.foot]
+
+    def flow(self, t, y):
+        moving = {"pedal": self.slope(), "free": self.rate(y), "zero": 0.0}[self.pressure]
+        turning = 0.0 if self.locked else self.spin(y)
+        return [GRAVITY * self.friction(y[0], y[1]), turning, y[0], moving, (y[3] - y[4]) / LAG, self.slope()]
+
+    def edges(self, t, y):
+        """(name, guard value); a guard fires where it rises through zero."""
+        p, x, found = self.p, self.x2(y), [("stop", END - y[0])]
+        found.append(("free", self.spin(y)) if self.locked else ("lock", -y[1]))
+        if self.phase == 0:
+            found.append(("onward", -p.eps0 - x if self.foot != "off" else -1.0))
+        else:
+            onward = {1: x - p.eps1, 2: x - p.eps2, 3: p.eps3 - x, 4: -p.eps4 - x, 5: -p.eps5 - x}[self.phase]
+            found.append(("onward", onward))
+        if self.phase == 2:
+            found.append(("back", p.fallback * p.eps1 - x))
+        instants = (self.d.delay, *self.d.changes)
+        if self.moves < len(instants):
+            found.append(("foot", t - instants[self.moves]))
+        if self.foot == "pressing":
+            found.append(("arrives", y[5] - self.d.largest))
+        if self.foot == "lifting":
+            found.append(("arrives", -y[5]))
+        rate, ahead = self.rate(y), self.rate(y) - self.slope()
+        if self.pressure == "free":
+            if ahead > 0:
+                found.append(("on pedal", y[3] - y[5]))
+            if rate < 0:
+                found.append(("at zero", -y[3]))
+        else:
+            found.append(("leaves", (-ahead if self.pressure == "pedal" else rate) - 1.0))
+        return found
+
+    def jump(self, name, t, y):
+        self.seen.add(name)
+        if name in ("onward", "back"):
+            self.phase = 4 if name == "back" else 1 if self.phase == 5 else self.phase + 1
+            self.pressure = "free"
+        elif name == "lock":
+            self.locked, self.lock_began, self.locks, y[1] = True, (t, y[0]), self.locks + 1, 0.0
+        elif name == "free":
+            self.locked, y[1] = False, 1e-6
+            self.count(t, y)
+        elif name == "foot":
+            self.foot = "lifting" if self.moves % 2 else "pressing"
+            self.moves += 1
+        elif name == "arrives":
+            if self.foot == "lifting":
+                self.phase, self.pressure, y[3] = 0, "pedal", 0.0
+            self.foot = "held" if self.foot == "pressing" else "off"
+        elif name == "on pedal":
+            self.pressure, y[3] = "pedal", y[5]
+        elif name == "at zero":
+            self.pressure, y[3] = "zero", 0.0
+        elif name == "leaves":
+            self.pressure = "free"
+
+    def count(self, t, y):
+        began, speed = self.lock_began
+        for i, limit in enumerate(LOCK_SPEEDS):
+            self.lock_time[i] += (t - began) * min(1.0, max(speed - limit, 0.0) / (speed - y[0]))
+
+    def run(self):
+        y, t = np.array([SPEED, SPEED / RADIUS, 0.0, 0.0, 0.0, 0.0]), 0.0
+        while True:
+            opened = [name for name, guard in self.edges(t, y) if guard > 1e-7]
+            if opened:
+                self.jump(opened[0], t, y)
+                continue
+            events = []
+            for i in range(len(self.edges(t, y))):
+
+                def event(t, y, i=i):
+                    edges = self.edges(t, y)
+                    return edges[i][1] if i < len(edges) else -1.0
+
+                event.terminal, event.direction = True, 1
+                events.append(event)
+            run = solve_ivp(self.flow, (t, 9.0), y, "DOP853", events=events, rtol=1e-10, atol=1e-10, max_step=2e-3)
+            t, y = run.t[-1], run.y[:, -1].copy()
+            fired = next(i for i, times in enumerate(run.t_events) if len(times))
+            name = self.edges(t, y)[fired][0]
+            if name == "stop":
+                if self.locked:
+                    self.count(t, y)
+                return t, y
+            self.jump(name, t, y)
+
+
+def test_a_stop_with_lock_and_a_pedal_pressed_twice_against_scipy():
+    hand = ByHand()
+    time, y = hand.run()
+    assert hand.seen >= {"lock", "free", "foot", "arrives", "on pedal", "leaves", "onward"} and hand.locks > 1
+    result = stop(loop_of(), SPEED, horizon=8.0, step=5e-4)
+    assert Outcome(int(result.outcome)) is Outcome.STOPPED
+    assert float(result.rollout.time) == pytest.approx(time, abs=2e-6)
+    assert float(result.distance) == pytest.approx(y[2] - 0.03 * SPEED, abs=2e-5)
+    assert int(result.locks) == hand.locks
+    np.testing.assert_allclose([float(x) for x in result.lock_time], hand.lock_time, atol=5e-6)
+
+
+@pytest.fixture(scope="module")
+def neighbours():
+    """Stops a little before and after in one direction of four parameters, and the gradient along it."""
+
+    def total(shift):
+        eps4, rate, delay, c3 = (1 + shift * a for a in ANGLE)
+        driver = dataclasses.replace(DRIVER, rate=900.0 * rate, delay=0.03 * delay)
+        road = UniformRoad(dataclasses.replace(WET, c3=WET.c3 * c3))
+        result = stop(
+            loop_of(FivePhase(eps0=90.0, eps4=60.0 * eps4, eps5=90.0, u1=3000.0), driver, road), SPEED, horizon=8.0
+        )
+        return jnp.stack([result.distance, result.lock_time[0]], axis=-1), result
+
+    h = 1e-6
+    values, result = total(jnp.array([h, -h]))
+    exact = jax.jacrev(lambda shift: total(shift)[0])(0.0)
+    return np.asarray(exact), np.asarray(values[0] - values[1]) / (2 * h), result
+
+
+def test_gradient_through_lock_limits_and_pedal(neighbours):
+    exact, difference, result = neighbours
+    assert np.all(np.asarray(result.locks) > 1) and np.all(np.abs(exact) > 1e-3)
+    np.testing.assert_allclose(exact, difference, rtol=2e-5)
+
+
+def pressures(system, speed, steps):
+    """Time and pressure at the wheel, (points,)."""
+    result = stop(system, speed, horizon=steps * 1e-3, step=1e-3, save_every=1)
+    path, valid = result.rollout.trajectory, np.asarray(result.rollout.trajectory.valid)
+    loop = system.loop if isinstance(system, SampledLoop) else system
+    state = path.state.loop if isinstance(system, SampledLoop) else path.state
+    return np.asarray(path.time)[valid], np.asarray(loop.wheel_pressure(state))[valid]
+
+
+def reached_by_foot(time):
+    """Of DRIVER, written down."""
+    pressed = np.clip(900.0 * (time - 0.03), 0.0, 60.0)
+    lifted = np.clip(60.0 - 900.0 * (time - 1.0), 0.0, 60.0)
+    again = np.clip(900.0 * (time - 1.25), 0.0, 60.0)
+    return np.where(time < 1.0, pressed, np.where(time < 1.25, lifted, again))
+
+
+@pytest.mark.parametrize("sampled", [False, True], ids=["located", "sampled"])
+def test_the_pressure_is_never_above_the_foot_nor_below_zero(sampled):
+    greedy = FivePhase(eps0=30.0, u1=90000.0, u3=90000.0, u4=90000.0)
+    loop = loop_of(greedy, delay=8e-3)
+    time, pressure = pressures(SampledLoop(loop) if sampled else loop, SPEED, 2500)
+    allowed = reached_by_foot(time)
+    assert pressure.min() >= -1e-9 and np.all(pressure <= allowed + 1e-9)
+    assert np.any(pressure > 10.0) and pressure[(time > 1.1) & (time < 1.25)].max() < 1e-9
+
+
+def test_what_a_foot_cannot_do_is_refused():
+    with pytest.raises(ValueError, match=r"Driver\.changes = \(2\.0, 1\.0\) must rise"):
+        Driver(changes=(2.0, 1.0))
+    with pytest.raises(ValueError, match=r"Driver\.rate = 0 is outside"):
+        Driver(rate=0.0)
+    with pytest.raises(ValueError, match="must be at least eps1 \\+ 2"):
+        FivePhase(eps1=20.0, eps2=12.2)
+    with pytest.raises(ValueError, match="needs a loop with a stop_speed and a Driver"):
+        ideal_distance(loop_of(driver=FreeRamp()), SPEED, horizon=3.0)
+
+
+def by_quadrature(driver, peak, speed, step=2e-5):
+    """The ideal stop by small explicit steps; `peak(t, x)`."""
+    v, x, t = speed, 0.0, 0.0
+    while v > END:
+        pedal = min(max(float(driver.rate) * (t + step / 2), 0.0), float(driver.largest))
+        a = GRAVITY * min(BRAKE * pedal / (RADIUS * LOAD), peak(t, x))
+        x, v, t = x + step * (v - a * step / 2), v - a * step, t + step
+    return x
+
+
+def test_the_ideal_stop_follows_the_pedal_then_the_road():
+    driver = Driver(rate=150.0, delay=0.2, largest=50.0)
+    constant = float(ideal_distance(loop_of(driver=driver), SPEED, horizon=8.0))
+    wet = float(WET.peak().friction)
+    assert constant == pytest.approx(by_quadrature(driver, lambda t, x: wet, SPEED), abs=2e-4)
+    soft = dataclasses.replace(driver, largest=20.0)
+    limited = float(ideal_distance(loop_of(driver=soft), SPEED, horizon=20.0))
+    assert limited == pytest.approx(by_quadrature(soft, lambda t, x: wet, SPEED), abs=2e-4)
+    ice = SURFACES["ice"]
+    patch = ChangingRoad((WET, ice, WET), (5.0, 9.0), 0.5, "distance")
+    slippery = float(ice.peak().friction)
+
+    def peak(t, x):
+        into, out = (np.clip((x - change) / 0.5, 0.0, 1.0) for change in (5.0, 9.0))
+        share = [z**4 * (35 - 84 * z + 70 * z**2 - 20 * z**3) for z in (into, out)]
+        return wet + (share[0] - share[1]) * (slippery - wet)
+
+    at_once = dataclasses.replace(driver, delay=0.0)
+    changing = float(ideal_distance(loop_of(driver=at_once, road=patch), SPEED, horizon=8.0))
+    assert changing == pytest.approx(by_quadrature(driver, peak, SPEED), abs=2e-4)
+    assert float(ideal_distance(loop_of(driver=soft), SPEED, horizon=0.5)) == np.inf
+
+
+def test_a_stop_under_jit_gives_value_and_gradient():
+    def distance(eps1):
+        return stop(loop_of(FivePhase(eps1=eps1)), SPEED, horizon=8.0).distance
+
+    value, slope = jax.jit(jax.value_and_grad(distance))(30.0)
+    assert float(value) > float(ideal_distance(loop_of(), SPEED, horizon=8.0)) and np.isfinite(float(slope))
