@@ -6,6 +6,10 @@ The road is used to its peak as soon as the pedal asks for that much, by a brake
 
 with p(t) what the foot has reached and mu_max the largest friction to be had then and there. The instants at which
 pedal and road take turns are located.
+
+No stop is shorter as long as the foot, once the road is the limit, asks for more than any later part of it offers. A
+timid foot on a road that gets better can be beaten by a few percent: a wheel that has lost its speed on ice spins up
+again on the dry, and its inertia, J / (m R^2) of the car's, brakes along with the pedal.
 """
 
 import math

@@ -34,3 +34,31 @@ def phase_plane(axes: matplotlib.axes.Axes, loop: ClosedLoop, trajectory: Trajec
 
 def _valid(state: LoopState, valid: np.ndarray) -> LoopState:
     return jax.tree.map(lambda leaf: np.asarray(leaf)[valid], state)
+
+
+def stop_panels(axes, loop: ClosedLoop, trajectory: Trajectory, label: str = "") -> None:
+    """Speeds, slip, pressure and phases of one lane against time, into four axes."""
+    valid = np.asarray(trajectory.valid)
+    path = jax.tree.map(lambda leaf: np.asarray(leaf)[valid], trajectory)
+    state = path.state.loop if hasattr(path.state, "loop") else path.state
+    signals = jax.vmap(loop.measured)(path.time, state, path.mode)
+    speeds, slip, pressure, phase = axes
+    speeds.plot(path.time, signals.vehicle_speed, "k", label="vehicle")
+    speeds.plot(path.time, signals.radius * signals.wheel_speed, "C0", lw=0.8, label="wheel rim")
+    speeds.set(ylabel="speed [m/s]", title=label)
+    slip.plot(path.time, loop.plant.wheel.slip(signals.wheel_speed, signals.vehicle_speed), "C0", lw=0.8)
+    slip.set(ylabel="slip λ", ylim=(-1.02, 0.05))
+    if state.pedal is not None:
+        pressure.plot(path.time, state.pedal.level, "k:", lw=1, label="pedal")
+    pressure.plot(path.time, signals.pressure, "C3", lw=0.9, label="at the wheel")
+    pressure.set(ylabel="pressure [bar]")
+    phase.step(path.time, loop.phase(path.mode), "C2", lw=0.8, where="post")
+    names = [f"{i} {name}" for i, name in enumerate(loop.controller.phases)]
+    phase.set_yticks(range(len(names)), names, fontsize=7)
+    phase.set(xlabel="time [s]")
+    locked = np.asarray(loop.locked(path.mode))
+    for panel in axes:
+        panel.grid(alpha=0.3)
+        panel.fill_between(path.time, 0, 1, where=locked, transform=panel.get_xaxis_transform(), color="C1", alpha=0.3)
+    for panel in (speeds, pressure):
+        panel.legend(fontsize="small", loc="upper right")

@@ -1,1 +1,17 @@
-"""What is done with the models: logs in, parameters and reports out; command line."""
+"""What is done with the models: logs in, parameters and reports out; command line.
+
+`load_controller("result.json")` and `plot_stop` take what `tune-abs` wrote.
+"""
+
+from typing import Any
+
+__all__ = ["load_controller", "load_result", "plot_stop"]
+
+
+def __getattr__(name: str) -> Any:
+    # Imported when asked for: the command line starts without them.
+    if name in __all__:
+        from tuning import results
+
+        return getattr(results, name)
+    raise AttributeError(f"module 'tuning' has no attribute {name!r}")

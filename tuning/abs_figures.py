@@ -9,7 +9,8 @@ from absjax.manoeuvre import stop
 from absjax.plots import phase_plane
 from absjax.road import SURFACES
 from tuning.cycles import CycleRow
-from tuning.distance_study import NAMES, Entry, tuned_sets, untuned_and_tuned
+from tuning.distance_study import NAMES, Entry, untuned_and_tuned
+from tuning.recipes import tuned_sets
 from tuning.settings import Setting
 
 

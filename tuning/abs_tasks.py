@@ -1,10 +1,8 @@
-"""The study of the controllers: limit cycles, distances, robustness, and where control of XBS fails."""
+"""The study of the controllers: limit cycles, distances from the pedal, changing roads, robustness, the published table."""
 
 import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
-
-import numpy as np
 
 from absjax.actuator import Brake
 from absjax.closed_loop import ClosedLoop
@@ -14,24 +12,15 @@ from absjax.cycles.two_phase import poincare_map, two_phase_cycle
 from absjax.road import SURFACES, UniformRoad
 from absjax.vehicle import TestRig, Wheel
 from tuning import abs_figures as figures
-from tuning import phase_study, robustness
+from tuning import changing_study, distance_study, phase_study, published_study, robustness
 from tuning.config import TuningConfig
 from tuning.cycles import CycleRow, certify_cycles
-from tuning.distance_study import (
-    DEFAULTS,
-    FURTHER_ROADS,
-    FURTHER_SPEEDS_KMH,
-    LEGEND,
-    NAMES,
-    best_rows,
-    distance_rows,
-    reached,
-    study,
-    tuned_sets,
-)
+from tuning.distance_study import FURTHER_ROADS, FURTHER_SPEEDS_KMH, NAMES, untuned_and_tuned
 from tuning.figures import save
-from tuning.files import write_json
+from tuning.files import write_csv, write_json
 from tuning.report import Report
+from tuning.recipes import tuned_sets
+from tuning.settings import CHAIN, LOCATED, SAMPLED, SETTINGS
 
 POINCARE = (
     {"zref": 20.0, "gain": 200.0, "chi_a": -0.2, "chi_b": 3.0},
@@ -47,10 +36,12 @@ def run_study(out: Path, stops: int = STOPS) -> Iterator[Report]:
     """Every table and figure of the controllers."""
     yield poincare(out)
     yield failure(out)
-    yield distance(out)
+    yield distances(out)
     yield further_roads(out)
+    yield changing_roads(out)
+    yield published(out)
     yield cycles(out)
-    yield scattered(out, stops)
+    yield from scattered(out, stops)
 
 
 def poincare(out: Path) -> Report:
@@ -92,30 +83,59 @@ def failure(out: Path) -> Report:
     return Report({title: rows}, [], [write_json(out / "failure.json", {"rows": rows}), *files])
 
 
-def distance(out: Path) -> Report:
-    """The published table, both columns, and the best of all controllers."""
-    done = study()
-    tables = {f"{NAMES[name]}: distances [m]": distance_rows(done, name) for name in DEFAULTS}
-    tables["tuned and sampled at 1 ms: distances [m]"] = best_rows(done)
-    lines = [f"{NAMES[n]}: {sum(reached(done, n))} of {len(done.rows)} rows at or below published" for n in DEFAULTS]
-    ideal = np.array([distance for *_, distance in done.rows])
-    best = np.array([done.sampled[name].distance[i] if (name := done.best(i)) else np.inf for i in range(len(ideal))])
-    over = 100 * (best / ideal - 1)
-    lines += [f"the best is {over.mean():.2f} % above ideal in the mean, {over.max():.2f} % at worst", LEGEND]
+def distances(out: Path) -> Report:
+    """Distances from the pedal of all controllers in all settings; `distances.csv` has every figure of every stop."""
+    found = distance_study.study(SETTINGS)
+    tables = {
+        "distances from the pedal, 5 roads at 60, 120 and 180 km/h": distance_study.summary(found),
+        "jerk and slip": distance_study.ride_rows(found),
+    }
+    for setting in (LOCATED, SAMPLED, CHAIN):
+        tables[f"tuned, {setting.label}, from the pedal [m]"] = distance_study.wide_rows(found, setting)
     files = [
-        write_json(out / "distances.json", tables),
-        save(figures.distances_figure(done), out / "distances.png"),
+        write_csv(distance_study.table(found), out / "tables" / "distances.csv"),
+        write_csv(distance_study.details(found), out / "tables" / "details.csv"),
+        save(figures.distances_figure(found, SETTINGS), out / "distances.png"),
         save(figures.slip_planes_figure(), out / "slip_planes.png"),
     ]
-    return Report(tables, lines, files)
+    return Report(tables, [SLIP_LIMIT], files)
+
+
+SLIP_LIMIT = "S: XBS never falls to chi_a on that road; the slip limit ends every apply"
 
 
 def further_roads(out: Path) -> Report:
-    """Snow, ice, and roads whose curve has no maximum."""
-    done = study(FURTHER_ROADS, FURTHER_SPEEDS_KMH)
-    tables = {f"{NAMES[name]}, further roads": distance_rows(done, name) for name in DEFAULTS}
-    tables["further roads, tuned and sampled at 1 ms"] = best_rows(done)
-    return Report(tables, [LEGEND], [write_json(out / "further_roads.json", tables)])
+    """Snow, ice, and roads whose curve has no maximum, on none of which was tuned."""
+    found = distance_study.study((SAMPLED,), FURTHER_ROADS, FURTHER_SPEEDS_KMH)
+    tables = {
+        f"further roads, {which}, sampled at 1 ms, from the pedal [m]": distance_study.wide_rows(found, SAMPLED, which)
+        for which in distance_study.SETS
+    }
+    files = [write_csv(distance_study.table(found), out / "tables" / "further_roads.csv")]
+    return Report(tables, [SLIP_LIMIT], files)
+
+
+def changing_roads(out: Path) -> Report:
+    """A patch of snow, and ice to dry asphalt: the way, and when the car brakes again."""
+    rows, entries = changing_study.changing_rows()
+    files = [write_csv(distance_study.table(entries), out / "tables" / "changing_roads.csv")]
+    for name, (road, speeds) in zip(("patch_of_snow", "ice_to_dry"), changing_study.CASES):
+        files.append(save(changing_study.changing_figure(road, speeds[-1]), out / f"{name}.png"))
+    return Report({"roads that change, sampled at 1 ms": rows}, [], files)
+
+
+def published(out: Path) -> Report:
+    """The published quantity under a given pedal, with and without limits, against the published table."""
+    found = published_study.entries()
+    tables = {
+        "published table, entries reached": published_study.counts(found),
+        "published table, what it leaves out": published_study.onset_rows(found),
+        "published table, every entry [m]": published_study.rows(found),
+    }
+    above = published_study.above(found)
+    if above:
+        tables["published table, entries above"] = above
+    return Report(tables, ["+: above the published distance"], [])
 
 
 def cycles(out: Path) -> Report:
@@ -135,7 +155,7 @@ def cycles(out: Path) -> Report:
         for road in dict.fromkeys(row.road for row in rows)
         for mine in [[row for row in rows if row.road == road]]
     ]
-    shown = {name: rows for name, rows in found.items() if name in DEFAULTS}
+    shown = {name: rows for name, rows in found.items() if name in ("five_phase", "two_phase")}
     data = {name: [dataclasses.asdict(row) for row in rows] for name, rows in found.items()}
     files = [write_json(out / "cycles.json", data), save(figures.contraction_figure(shown), out / "contraction.png")]
     speeds = ", ".join(f"{speed:g}" for speed in TuningConfig().cycle_speeds_kmh)
@@ -147,32 +167,36 @@ def _largest(rows: list[CycleRow], field: str) -> str:
     return f"{max(values):.5f}" if values else "-"
 
 
-def scattered(out: Path, stops: int) -> Report:
-    """Tuned sets against the default ones, on scattered roads, wheels, brakes and noise."""
-    draws, rows, excess = robustness.draw(stops, SEED), [], {}
-    for label, config in _contestants().items():
-        stopped = robustness.stops(config, config.base_controller(), draws)
-        found = robustness.summarise(stopped)
-        excess[label] = robustness.excess(stopped)
-        rows.append(
-            {
-                "controller": label,
-                "locks or fails [%]": round(100 * found.locked, 2),
-                "mean above ideal [%]": round(100 * (found.mean - 1), 2),
-                "worst 5 % [%]": round(100 * (found.worst - 1), 2),
-            }
-        )
-    title = f"{stops} stops: road, load, radius, brake, lag, noise and speed scattered"
-    file = save(figures.robustness_figure(excess), out / "robustness.png")
-    return Report({title: rows}, [], [write_json(out / "robustness.json", {"rows": rows}), file])
+def scattered(out: Path, stops: int) -> Iterator[Report]:
+    """Tuned sets against untuned ones, on scattered roads, wheels, brakes and noise; then with a scattered pedal too."""
+    for pedal, scatter in (
+        ("pedal 400 bar/s", robustness.SCATTER),
+        ("pedal 200 to 1000 bar/s", robustness.SCATTERED_PEDAL),
+    ):
+        draws, rows, excess = robustness.draw(stops, SEED, scatter), [], {}
+        for label, (config, values) in _contestants().items():
+            stopped, ideal = robustness.stops(config, config.kind.build(config.car(), values), draws)
+            found = robustness.summarise(stopped, ideal)
+            excess[label] = robustness.excess(stopped, ideal)
+            rows.append(
+                {
+                    "controller": label,
+                    "mean above ideal [%]": round(100 * (found.mean - 1), 2),
+                    "spread over scatter [%]": round(100 * found.spread, 2),
+                    "worst 5 % [%]": round(100 * (found.worst - 1), 2),
+                    "do not end [%]": round(100 * found.unfinished, 2),
+                    "lock > 15 km/h for > 50 ms [%]": round(100 * found.locked, 2),
+                    "stuck > 1 s [%]": round(100 * found.stuck, 2),
+                }
+            )
+        title = f"{stops} scattered stops, {pedal}"
+        name = "robustness" if scatter is robustness.SCATTER else "robustness_pedal"
+        yield Report({title: rows}, [], [save(figures.robustness_figure(excess), out / f"{name}.png")])
 
 
-def _contestants() -> dict[str, TuningConfig]:
-    tuned = tuned_sets()
-    default = {name: dataclasses.replace(tuned[name], start={}) for name in DEFAULTS}
-    unlimited = dataclasses.replace(tuned["two_phase"], start={**tuned["two_phase"].start, "slip_limit": -1.0})
+def _contestants() -> dict[str, tuple[TuningConfig, dict[str, float]]]:
     return {
-        **{f"{NAMES[name]}, default": config for name, config in default.items()},
-        **{f"{NAMES[name]}, tuned": config for name, config in tuned.items()},
-        f"{NAMES['two_phase']}, without slip limit": unlimited,
+        f"{NAMES[name]}, {which}": (config, values)
+        for name, config in tuned_sets().items()
+        for which, values in untuned_and_tuned(config).items()
     }

@@ -18,8 +18,9 @@ from absjax.parameters import lane_axes
 from absjax.vehicle import GRAVITY
 from tuning.batch import build, rows_of
 from tuning.config import TuningConfig
-from tuning.distance_study import NAMES, Entry, cell, stops_of, tuned_sets, untuned_and_tuned
+from tuning.distance_study import NAMES, Entry, cell, stops_of, untuned_and_tuned
 from tuning.roads import BLEND, least_peak, name_of
+from tuning.recipes import tuned_sets
 from tuning.settings import SAMPLED
 
 PATCH = {"surfaces": ["dry_asphalt", "snow", "dry_asphalt"], "changes": [25.0, 55.0]}

@@ -101,20 +101,41 @@ def configuration(path: Path | None):
 
 def _tune(config, out: Path, title: str):
     from tuning.files import write_json
-    from tuning.report import cycles_line, parameter_line, tuning_table
+    from tuning.report import cycles_line, parameter_line, rows_table, tuning_rows
     from tuning.tune_abs import tune_abs as run
     from tuning.tuning_figures import tuning_figures
 
     with bar(f"{title}: {config.iterations} iterations, {config.starts} starts") as progress:
         result = run(config, progress=progress)
-    console.print(tuning_table(result, title))
+    console.print(
+        rows_table(tuning_rows(result), f"{title}: distances from the pedal [m]; then the published quantity")
+    )
     console.print(parameter_line(result), highlight=False)
     console.print(cycles_line(result), highlight=False)
     if result.on_limit:
         console.print("* on its limit", highlight=False)
+    for warning in result.warnings:
+        console.print(f"warning: {warning}", highlight=False)
     written = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
     console.print("written: " + ", ".join(map(str, written)), highlight=False, soft_wrap=True)
     return result
+
+
+@app.command("abs-sets")
+def abs_sets(
+    out: Out,
+    only: Annotated[str | None, typer.Option(help="Recipes to follow, comma-separated; all if missing.")] = None,
+) -> None:
+    """Tune the shipped controller sets anew, from untuned values: a result for each, and controllers.json."""
+    with clear_errors():
+        from tuning.entries import choice
+        from tuning.recipes import recipes, write_sets
+
+        wanted = list(recipes()) if only is None else only.split(",")
+        for name in wanted:
+            choice("--only", name, recipes())
+        found = [(name, _tune(recipes()[name], out / name, name.replace("_", " "))) for name in wanted]
+        console.print(f"written: {write_sets(found, out / 'controllers.json')}", highlight=False)
 
 
 @app.command("abs-study")
@@ -227,20 +248,21 @@ def encoder_study(
 
 @app.command()
 def demo(out: Out = Path("demo")) -> None:
-    """Identify a road from the log shipped here, then tune the five-phase thresholds of the published table."""
+    """Identify a road from the log shipped here, then tune five-phase thresholds from untuned ones under a given pedal."""
     begun = time.monotonic()
     with clear_errors():
-        from tuning.demo import PUBLISHED_SETTING, limit_costs, limited
+        from tuning.demo import limit_costs, limited
+        from tuning.report import rows_table
 
         with resources.as_file(resources.files("tuning") / "data") as data:
             console.rule("1  the road from a brake log")
             _identify(data / "stop_dry_wet.csv", out / "identify", None, None, None, None, None)
-        console.rule("2  thresholds without actuator limits, the published setting")
-        free = _tune(PUBLISHED_SETTING, out / "published_setting", "no rate limit, no lag, no floor on thresholds")
-        console.rule("3  thresholds with rate limit, brake lag and a floor")
-        result = _tune(limited(), out / "limited", "750 bar/s, 5 ms, thresholds >= 10 m/s^2")
-        console.rule("4  what each limit costs")
+        console.rule("2  thresholds under a given pedal: 400 bar/s; brake 750 bar/s, 5 ms; thresholds >= 10 m/s²")
+        result = _tune(limited(), out / "tuned", "five phases, from the default set")
+        console.rule("3  what each limit costs")
         with bar("tuned under one limit at a time") as progress:
-            table = limit_costs(result, free, progress)
-        console.print(table)
+            rows = limit_costs(result, progress)
+        console.print(
+            rows_table(rows, "from the pedal, above ideal, by the limits in force; tuned, switchings located")
+        )
     console.print(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/", highlight=False)

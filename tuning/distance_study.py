@@ -7,8 +7,6 @@ adaptive observer, but for continuous control of XBS, which needs the true one. 
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
-from functools import cache
-from importlib import resources
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +15,7 @@ from absjax.ideal import ideal_distance
 from absjax.manoeuvre import stop
 from tuning.batch import Figures, Row, every_set_on_every_row, rows_of
 from tuning.config import TuningConfig
-from tuning.files import read_json
+from tuning.recipes import tuned_sets
 from tuning.ride import ride_of
 from tuning.roads import stacked, surfaces_of
 from tuning.settings import LOCATED, SAMPLED, Setting
@@ -41,13 +39,6 @@ NO_MAXIMUM = ((0.8, 12.0, 0.0), (0.35, 40.0, 0.0))
 """Roads whose friction does not fall with slip, like gravel or deep snow: c1, c2 and c3 = 0."""
 FURTHER_ROADS: tuple[Any, ...] = ("snow", "ice", *NO_MAXIMUM)
 FURTHER_SPEEDS_KMH = (60.0, 120.0)
-
-
-@cache
-def tuned_sets() -> dict[str, TuningConfig]:
-    """The shipped tuned sets by controller; the parameters are the start of a configuration."""
-    with resources.as_file(resources.files("tuning") / "data" / "controllers.json") as path:
-        return {name: TuningConfig.from_json(entry) for name, entry in read_json(path).items()}
 
 
 class Entry(NamedTuple):
@@ -137,16 +128,22 @@ def study(
     return found
 
 
+def _key(e: Entry) -> dict[str, Any]:
+    return {
+        "controller": e.controller,
+        "set": e.set,
+        "setting": e.setting.name,
+        "period_ms": "" if e.setting.period is None else f"{1e3 * e.setting.period:g}",
+        "road": e.row.name,
+        "speed_kmh": e.row.speed_kmh,
+    }
+
+
 def table(entries: Sequence[Entry]) -> list[dict[str, Any]]:
-    """Every figure of every stop: distances from the pedal first."""
+    """Every stop: distances from the pedal first, then the published quantity with the onset it begins at."""
     return [
         {
-            "controller": e.controller,
-            "set": e.set,
-            "setting": e.setting.name,
-            "period_ms": "" if e.setting.period is None else f"{1e3 * e.setting.period:g}",
-            "road": e.row.name,
-            "speed_kmh": e.row.speed_kmh,
+            **_key(e),
             "pedal_bar_s": e.row.pedal_rate,
             "pedal_distance_m": _rounded(e.stop.distance),
             "pedal_ideal_m": round(e.ideal, 4),
@@ -157,9 +154,22 @@ def table(entries: Sequence[Entry]) -> list[dict[str, Any]]:
             "lock_s_above_15": _rounded(e.stop.lock_s_above_15),
             "lock_s_above_2_5": _rounded(e.stop.lock_s_above_2_5),
             "outcome": e.stop.outcome,
+        }
+        for e in entries
+    ]
+
+
+def details(entries: Sequence[Entry]) -> list[dict[str, Any]]:
+    """What else is counted of every stop; jerk and slip of those that were recorded."""
+    return [
+        {
+            **_key(e),
             "longest_lock_s_above_15": _rounded(e.stop.longest_lock_above_15),
             "longest_cycle_s": _rounded(e.stop.longest_cycle),
-            "ended_by_slip_limit": e.by_slip,
+            "rms_jerk_m_s3": _rounded(e.jerk),
+            "largest_slip_above_15": _rounded(e.largest_slip),
+            "slip_above_0_5_s": _rounded(e.time_above_large_slip),
+            "apply_ended_by_slip_limit": e.by_slip,
         }
         for e in entries
     ]

@@ -7,13 +7,11 @@ Source: Aguado-Rojas 2019, Table 4.1.
 """
 
 from collections.abc import Sequence
-from functools import cache
-from importlib import resources
 from typing import Any, NamedTuple
 
 from tuning.config import TuningConfig
 from tuning.distance_study import NAMES, Entry, stops_of
-from tuning.files import read_json
+from tuning.recipes import published_sets
 from tuning.settings import LOCATED
 
 COLUMNS = ("five_phase", "two_phase")
@@ -33,13 +31,6 @@ class Limits(NamedTuple):
         parts = [] if self.rate_limit is None else [f"{self.rate_limit:g} bar/s"]
         parts += [] if self.lag is None else [f"lag {1e3 * self.lag:g} ms"]
         return " and ".join(parts) or "none"
-
-
-@cache
-def published_sets() -> tuple[TuningConfig, ...]:
-    """Sets tuned for the published quantity, one for each controller and limits."""
-    with resources.as_file(resources.files("tuning") / "data" / "published_sets.json") as path:
-        return tuple(TuningConfig.from_json(entry) for entry in read_json(path))
 
 
 def limits_of(config: TuningConfig) -> Limits:

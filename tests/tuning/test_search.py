@@ -76,9 +76,7 @@ def test_random_search():
     kept = screen(lambda x: np.asarray(bowl(x)), BOX, first, scatter=1.0, count=200, keep=3, seed=0)
     costs = np.asarray(bowl(kept))
     assert kept.shape == (3, 2) and np.all(np.diff(costs) >= 0) and costs[0] < float(bowl(first))
-    best, cost = refine(
-        lambda x: np.asarray(bowl(x)), BOX, kept, rounds=12, count=40, widest=0.5, seed=1
-    )
+    best, cost = refine(lambda x: np.asarray(bowl(x)), BOX, kept, rounds=12, count=40, widest=0.5, seed=1)
     assert cost < 1e-2 and cost == pytest.approx(float(bowl(best)))
     assert screen(lambda x: x, BOX, first, scatter=1.0, count=5, keep=0, seed=0).shape == (0, 2)
 

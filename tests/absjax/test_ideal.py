@@ -1,0 +1,67 @@
+"""No controller beats the ideal stop: thousands of random sets of every controller, on constant and changing roads."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from absjax.actuator import Brake
+from absjax.closed_loop import ClosedLoop
+from absjax.control.bosch import BoschLogic
+from absjax.control.five_phase import FivePhase
+from absjax.control.slip import SlipControl
+from absjax.control.stiffness import StiffnessControl
+from absjax.control.tracking import AccelerationTracking
+from absjax.control.two_phase import TwoPhase
+from absjax.driver import Driver
+from absjax.ideal import ideal_distance
+from absjax.manoeuvre import Outcome, stop
+from absjax.parameters import bounds_of, trainable_names
+from absjax.road import SURFACES, ChangingRoad
+from absjax.tyre import Burckhardt
+from absjax.vehicle import QuarterCar, Wheel
+
+SETS, END = 2000, 3.0
+CONTROLLERS = (FivePhase, AccelerationTracking, TwoPhase, StiffnessControl, SlipControl, BoschLogic)
+
+
+def random_sets(model, rng):
+    """Parameters scattered widely around the defaults, in the order the class demands."""
+    values = {}
+    for name in trainable_names(model):
+        default, bounds = float(getattr(model(), name)), bounds_of(model)[name]
+        spread = default * np.exp(0.7 * rng.normal(size=SETS)) if default else rng.uniform(0.0, 3.0, SETS)
+        values[name] = np.clip(spread, bounds.low, bounds.high)
+    for low, high, margin in getattr(model, "ordered", ()):
+        values[high] = np.maximum(values[high], values[low] + margin)
+    return model(**values)
+
+
+def scattered_loop(controller, rng) -> ClosedLoop:
+    """A third of the roads is of one surface; the others change twice, under a foot that asks for more than they offer."""
+    names = list(SURFACES)
+    which = rng.integers(len(names), size=(3, SETS))
+    which[1:, : SETS // 3] = which[0, : SETS // 3]
+    surfaces = tuple(
+        Burckhardt(*(np.array([float(getattr(SURFACES[names[i]], c)) for i in row]) for c in ("c1", "c2", "c3")))
+        for row in which
+    )
+    first = rng.uniform(1.0, 15.0, SETS)
+    road = ChangingRoad(surfaces, (first, first + rng.uniform(1.0, 10.0, SETS)), 0.5, "distance")
+    largest = np.where(np.arange(SETS) < SETS // 3, rng.uniform(20.0, 150.0, SETS), rng.uniform(60.0, 150.0, SETS))
+    driver = Driver(rng.uniform(100.0, 1500.0, SETS), rng.uniform(0.0, 0.2, SETS), largest)
+    return ClosedLoop(QuarterCar(Wheel(), road), Brake(rate_limit=750.0, lag=5e-3), controller, END, driver=driver)
+
+
+@pytest.mark.parametrize("model", CONTROLLERS)
+def test_no_controller_beats_the_ideal(model):
+    rng = np.random.default_rng(7)
+    loop = scattered_loop(random_sets(model, rng), rng)
+    speed = jnp.asarray(rng.uniform(8.0, 25.0, SETS))
+    stopped = stop(loop, speed, horizon=4.0, max_events=150)
+    ideal = np.asarray(ideal_distance(loop, speed, horizon=4.0))
+    ended = np.asarray(stopped.outcome) == Outcome.STOPPED
+    assert ended.sum() > SETS / 4 and np.isfinite(ideal[ended]).all()
+    ratio = np.asarray(stopped.distance)[ended] / ideal[ended]
+    assert ratio.min() > 1 - 1e-7 and ratio.min() < 1.05
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(stopped._replace(published_quantity=0.0)))
