@@ -25,8 +25,8 @@ from tuning.settings import SAMPLED
 
 PATCH = {"surfaces": ["dry_asphalt", "snow", "dry_asphalt"], "changes": [25.0, 55.0]}
 ICE = {"surfaces": ["ice", "dry_asphalt"], "changes": [20.0]}
-CASES: tuple[tuple[dict[str, Any], tuple[float, ...]], ...] = ((PATCH, (80.0, 120.0)), (ICE, (60.0, 80.0)))
-"""Roads, and the speeds from which they are braked [km/h]."""
+CASES: tuple[tuple[dict[str, Any], tuple[float, ...]], ...] = ((PATCH, (150.0, 120.0)), (ICE, (60.0, 80.0)))
+"""Roads, and the speeds from which they are braked [km/h]; the last of each is among what the sets are tuned on."""
 REGAINED = 0.9
 """Share of the friction offered at which the car brakes again."""
 

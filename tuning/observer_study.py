@@ -203,6 +203,9 @@ def clamp_rows(sets: Sequence[GainSet], runs: Scenarios) -> list[dict[str, Any]]
     return rows
 
 
+BEST_CONSTANT = "the best constant, in hindsight"
+
+
 class RigStudy(NamedTuple):
     """Observers and baselines on a log with measured force."""
 
@@ -222,7 +225,7 @@ def rig_study(log: BrakeLog, wheel: Wheel, tyre, sets: Sequence[GainSet], start:
         log: a checked log with force.
         wheel: its wheel.
         tyre: the curve fitted to slip and force.
-        sets: observers to compare with least squares.
+        sets: observers to compare with least squares, and with the constant that fits the log best.
         start: time from which errors count, s.
     """
     signals = observer_signals(log, wheel)
@@ -234,6 +237,7 @@ def rig_study(log: BrakeLog, wheel: Wheel, tyre, sets: Sequence[GainSet], start:
     found["recursive least squares"] = np.asarray(least_squares.recursive(signals.samples, log.period, wheel))
     found["least squares, 50 ms"] = np.asarray(least_squares.windowed(signals.samples, log.period, wheel))
     braking = signals.time - signals.time[0] >= start
+    found[BEST_CONSTANT] = np.full(len(truth), truth[braking].mean())
     rows = []
     for label, estimate in found.items():
         error = estimate - truth

@@ -30,7 +30,7 @@ def name_of(road: Any) -> str:
     if isinstance(road, dict):
         parts = [SHORT.get(s, s) if isinstance(s, str) else name_of(s) for s in road["surfaces"]]
         changes = [f"{change:g} m" for change in road["changes"]]
-        return parts[0] + "".join(f", {part} from {change}" for part, change in zip(parts[1:], changes))
+        return parts[0] + "".join(f", {change}: {part}" for part, change in zip(parts[1:], changes))
     return f"c = {tuple(road)}"
 
 

@@ -28,8 +28,8 @@ SPEED, STOP_SPEED = 50.0, 3.0
 DURATION = 6.0
 STEP = 2.5e-4
 """Small enough for the published gains of the adaptive observer, s."""
-FIVE = FivePhase(eps5=25.0)
-QUICK = FivePhase(eps5=25.0, u1=12000.0, u3=8000.0, u4=4000.0)
+FIVE = FivePhase(eps5=25.0, ways_back=False)
+QUICK = FivePhase(eps5=25.0, u1=12000.0, u3=8000.0, u4=4000.0, ways_back=False)
 """Rates that keep up with the tracking on dry asphalt."""
 
 

@@ -9,7 +9,7 @@
 | 4 slow apply | x2 <= -eps4 -> 5 |
 | 5 hold | x2 <= -eps5 -> 1; x2 rises back through -fallback eps4 -> 4 |
 
-Ours, and never met in the published stops:
+Ours, and not met in the published stops (`ways_back` off: the automaton as published):
 
 * the growth of eps0, 0 as published: on the stable branch a pedal of rate p' takes the wheel to x2 = -b p' v / (a mu'),
   deeper the faster the car, before the road's peak is anywhere near;
@@ -73,6 +73,8 @@ class AccelerationPhases:
     )
     fallback: Number = parameter("share of a threshold at which it is left again", default=0.9, low=0.0, high=0.999)
     longest_release: Number = parameter("longest release, s", default=0.5, low=0.0, open_low=True)
+    ways_back: bool = True
+    """whether there is a way out of a release that lasts and of a hold the wheel recovers in; False as published"""
 
     def at(self, signals: Signals) -> Any:
         """Entered here and now."""
@@ -87,6 +89,8 @@ class AccelerationPhases:
         onward = jnp.where(rising, x2 - threshold, threshold - x2)
         overdue = signals.time - kept.time - self.longest_release
         fallen, recovered = self.fallback * self.eps1 - x2, x2 + self.fallback * self.eps4
+        if not self.ways_back:
+            overdue = recovered = -1.0
         back = by_phase(mode, (-1.0, overdue, fallen, -1.0, -1.0, recovered))
         return jnp.where(mode == 0, while_pressed(onward, signals), onward), back
 

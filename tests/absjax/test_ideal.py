@@ -38,7 +38,7 @@ def random_sets(model, rng):
 
 
 def scattered_loop(controller, rng) -> ClosedLoop:
-    """A third of the roads is of one surface; the others change twice, under a foot that asks for more than they offer."""
+    """A third of the roads is of one surface; the others change twice, under a foot stronger than they are."""
     names = list(SURFACES)
     which = rng.integers(len(names), size=(3, SETS))
     which[1:, : SETS // 3] = which[0, : SETS // 3]

@@ -8,12 +8,13 @@ import numpy as np
 import pytest
 
 from absjax.encoder.encoder import Encoder
+from absjax.ideal import ideal_distance
 from tuning.edge_log import EdgeLog, read_edges
 from tuning.encoder_bench import PERIOD, bench_of, filtered_chain, joined, mean_errors, measured_chain, published_chain
 from tuning.encoder_bench import reference as reference_of
 from tuning.encoder_config import EncoderConfig
 from tuning.encoder_log import order_spectrum, study_log, tooth_errors
-from tuning.encoder_loop import course, loop_row
+from tuning.encoder_loop import HORIZON, SPEED, braking_loop, course, loop_row
 from tuning.encoder_study import tuned_chain
 from tuning.encoder_tasks import chain_for, tune
 from tuning.entries import ConfigError
@@ -137,7 +138,8 @@ def test_references():
 
 def test_the_stop_told_the_truth_is_near_the_ideal():
     found = course(None)
-    row = loop_row("the truth", found)
+    ideal = float(ideal_distance(braking_loop(), SPEED, horizon=HORIZON))
+    row = loop_row("the truth", found, ideal)
     assert row["do not end"] == row["stuck"] == 0 and 0 < row["mean above ideal [%]"] < 3
     assert row["x2 to"] == pytest.approx(40, abs=1) and row["x2 from"] == pytest.approx(-30, abs=1)
     braking = reference_of("braking", 2.0)
