@@ -1,4 +1,4 @@
-"""Who presses the pedal: a driver, or the ramp of the published simulations.
+"""Who presses the pedal: a driver, or a ramp as in the sources' simulations.
 
 A driver's foot gives the pedal a pressure p(t): nothing until it presses, then `rate` up to `largest`, held there,
 and where it is lifted down at `release_rate`. The pressure at the brake is never above it, whatever a controller
@@ -94,10 +94,10 @@ class Driver:
 
 @model
 class FreeRamp:
-    """The ramp of the published simulations instead of a driver: dPb/dt = ramp / (R w) in phase 0, then a free pressure.
+    """A ramp as in the sources' simulations instead of a driver: dPb/dt = ramp / (R w) in phase 0, then free.
 
     Nobody drives this: the pressure may rise above any pedal's and fall below zero. It is for comparison with published
-    calculations, and for runs that begin in the middle of braking.
+    calculations, and for runs that begin in the middle of braking. The strength of the ramp is ours.
     Source: phase 0 of the five-phase algorithm, Hoang et al. 2014, Fig. 5.
     """
 

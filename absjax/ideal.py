@@ -1,6 +1,6 @@
 """The shortest stop a pedal allows: what every controller is measured against.
 
-The road is used to its peak as soon as the pedal asks for that much, by a brake without lag and a wheel without inertia:
+The road is used to its peak as soon as the pedal asks for that much, without lag of the brake or inertia of the wheel:
 
     v' = -g min(gamma_b p(t) / (R Fz), mu_max(t, x)),   x' = v
 

@@ -33,7 +33,7 @@ class Outcome(enum.IntEnum):
 
 
 class Stop(NamedTuple):
-    """Result of a stop; arrays (lanes,), or scalars without lanes. `absjax.ideal.ideal_distance` is what to compare with.
+    """Result of a stop; arrays (lanes,), or scalars without lanes. Compare with `absjax.ideal.ideal_distance`.
 
     Attributes:
         distance: travelled from the first touch of the pedal to the stop speed [m].

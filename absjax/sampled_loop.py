@@ -1,7 +1,7 @@
 """A closed loop whose controller sits in an electronic control unit with a clock.
 
-Every so many steps the unit tests the controller's guards on the measured signals, and holds the command in between. The
-observer advances from sample to sample. Lock, the limits of the pressure and the stop stay located.
+Every so many steps the unit tests the controller's guards on the measured signals, and holds the command in between.
+The observer advances from sample to sample. Lock, the limits of the pressure and the stop stay located.
 """
 
 from typing import Any, NamedTuple

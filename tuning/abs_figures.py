@@ -71,9 +71,8 @@ def robustness_figure(excess: dict[str, np.ndarray]):
     axes.set(
         xlabel="distance from the pedal above ideal [%]", ylabel="share of the stops [%]", xlim=(0, 40), ylim=(0, 100)
     )
-    axes.set_title(
-        f"{len(next(iter(excess.values())))} scattered stops, sampled; a curve that ends below 100 % has stops without end"
-    )
+    count = len(next(iter(excess.values())))
+    axes.set_title(f"{count} scattered stops, sampled; curves that end below 100 % have stops without end")
     axes.legend(fontsize="small", loc="lower right")
     axes.grid(alpha=0.3)
     return figure

@@ -1,4 +1,4 @@
-"""The study of the controllers: limit cycles, distances from the pedal, changing roads, robustness, the published table."""
+"""The study of the controllers: limit cycles, distances from the pedal, changing roads, robustness, published table."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -18,8 +18,8 @@ from tuning.cycles import CycleRow, certify_cycles
 from tuning.distance_study import FURTHER_ROADS, FURTHER_SPEEDS_KMH, NAMES, untuned_and_tuned
 from tuning.figures import save
 from tuning.files import write_csv, write_json
-from tuning.report import Report
 from tuning.recipes import tuned_sets
+from tuning.report import Report
 from tuning.settings import CHAIN, LOCATED, SAMPLED, SETTINGS
 
 POINCARE = (
@@ -168,7 +168,7 @@ def _largest(rows: list[CycleRow], field: str) -> str:
 
 
 def scattered(out: Path, stops: int) -> Iterator[Report]:
-    """Tuned sets against untuned ones, on scattered roads, wheels, brakes and noise; then with a scattered pedal too."""
+    """Tuned sets against untuned ones on scattered roads, wheels, brakes and noise; then with a scattered pedal."""
     for pedal, scatter in (
         ("pedal 400 bar/s", robustness.SCATTER),
         ("pedal 200 to 1000 bar/s", robustness.SCATTERED_PEDAL),

@@ -37,7 +37,7 @@ LOCK_CHARGE = 2.0
 FAILURE_CHARGE = 1.0
 """Added to the ratio of a row that does not stop; it guides the choice, not the descent."""
 LEAST_SLOWED = 0.02
-"""Share of the kinetic energy below which a row counts no worse, so that a stop that fails outright has a finite cost."""
+"""Share of the kinetic energy below which a row counts no worse: a stop that fails outright has a finite cost."""
 SAFETY_HORIZON = 1.5
 """Longest time allowed, as a multiple of the ideal stop's, plus one second."""
 
@@ -73,7 +73,7 @@ class Row(NamedTuple):
         return self.speed**2 / (2 * GRAVITY * least_peak(self.road))
 
     def published(self, controller: str) -> float | None:
-        """The published distance [m] of the two-phase algorithm if that is the controller, else of the five-phase one."""
+        """The published distance [m]: of the two-phase algorithm if that is the controller, else the five-phase one."""
         found = published.DISTANCES.get(self.name, {}).get(self.speed_kmh)
         return None if found is None else getattr(found, "two_phase" if controller == "two_phase" else "five_phase")
 
@@ -90,7 +90,7 @@ def rows_of(config: TuningConfig) -> list[Row]:
 
 
 def every_set_on_every_row(loop: ClosedLoop, parameters: Mapping[str, Any], rows: int) -> ClosedLoop:
-    """Lanes (rows * sets,) of a loop whose plant and driver carry the rows; parameters of the controller are (sets,)."""
+    """Lanes (rows * sets,) of a loop whose plant and driver carry the rows; the controller's parameters are (sets,)."""
     sets = len(next(iter(parameters.values())))
     plant, driver = jax.tree.map(
         lambda leaf: jnp.repeat(leaf, sets) if jnp.ndim(leaf) else leaf, (loop.plant, loop.driver)

@@ -19,8 +19,8 @@ from absjax.vehicle import GRAVITY
 from tuning.batch import build, rows_of
 from tuning.config import TuningConfig
 from tuning.distance_study import NAMES, Entry, cell, stops_of, untuned_and_tuned
-from tuning.roads import BLEND, least_peak, name_of
 from tuning.recipes import tuned_sets
+from tuning.roads import BLEND, least_peak, name_of
 from tuning.settings import SAMPLED
 
 PATCH = {"surfaces": ["dry_asphalt", "snow", "dry_asphalt"], "changes": [25.0, 55.0]}
@@ -79,7 +79,7 @@ def recorded(config: TuningConfig, values: dict[str, float]) -> tuple[ClosedLoop
 
 
 def brakes_again(config: TuningConfig, values: dict[str, float]) -> np.ndarray:
-    """Time from the end of the last change of the road until 90 % of its friction are used, (rows,); infinite if never."""
+    """Time from the end of the last change of the road until 90 % of its friction are used, (rows,), or infinite."""
     loop, stopped = recorded(config, values)
     path = stopped.rollout.trajectory
     axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(loop))

@@ -248,7 +248,7 @@ def encoder_study(
 
 @app.command()
 def demo(out: Out = Path("demo")) -> None:
-    """Identify a road from the log shipped here, then tune five-phase thresholds from untuned ones under a given pedal."""
+    """Identify a road from the log shipped here, then tune five-phase thresholds, from untuned, under a given pedal."""
     begun = time.monotonic()
     with clear_errors():
         from tuning.demo import limit_costs, limited

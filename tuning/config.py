@@ -34,7 +34,7 @@ class TuningConfig(Entries):
     Attributes:
         controller: name of the controller, in `tuning.controllers.CONTROLLERS`.
         observer: name of the observer that tells it XBS, in `tuning.observers.KINDS`; None tells it the true one.
-        observer_parameters: of that observer; the published ones where not given.
+        observer_parameters: of that observer; the default ones where not given.
         start: parameters to start from; the controller's defaults where not given.
         tune: names of the parameters to tune; those declared trainable when empty.
         roads: published surfaces, by name, or (c1, c2, c3), or surfaces that follow one another (`tuning.roads`).
@@ -44,11 +44,11 @@ class TuningConfig(Entries):
         pedal_rate, foot_delay, driver_pressure: the driver: pressure rate [bar/s], time before the foot presses [s] and
             largest pressure [bar]. Given, never tuned.
         pedal_strength: where given, every road and speed is braked a second time under this over the initial speed
-            [bar m/s^2], as the published ramp begins.
+            [bar m/s^2], as a ramp of the sources' form begins.
         threshold_floor: smallest threshold [m/s^2], from the noise of the measured acceleration.
         limits: (low, high) by parameter; where not given, those of `tuning.controllers`, or the floor for thresholds
             and a twentieth of the start for others, and five times the start.
-        stop_speed_kmh: speed that ends a stop [km/h]; below the published 2.5 km/h lock does not matter.
+        stop_speed_kmh: speed that ends a stop [km/h]; below the source's 2.5 km/h lock does not matter.
         longest_cycle: longest time between two cycles a controller may take [s]; one that rests at a
             pressure near the peak is no anti-lock controller, however short it stops.
         longest_lock: longest lock above 15 km/h [s].
@@ -66,7 +66,7 @@ class TuningConfig(Entries):
         iterations, learning_rate, seed: of the descent (Adam on the same scales, cosine decay).
         step: grid step [s]; what the controller's default parameters and the observer's gains need when None.
         substeps: Runge-Kutta steps of the observer per sample of the sampled semantics; when None twice what its
-            published gains need, because a brake that is not as the observer takes it to be asks for more.
+            default gains need, because a brake that is not as the observer takes it to be asks for more.
         max_events: switchings a stop may make.
         sampled_period: period at which guards are tested when the result is re-scored [s].
         refinements: generations of evolution from the winner of the descents, judged under both semantics.
@@ -146,7 +146,7 @@ class TuningConfig(Entries):
         given = self.observer_parameters
         require("observer_parameters", given, self.observer is not None or not given, "empty without an observer")
         for name in given:
-            choice("observer_parameters", name, KINDS[self.observer].published)
+            choice("observer_parameters", name, KINDS[self.observer].default)
         require("starts", self.starts, self.starts > len(self.known), "more than the known sets")
         for name in self.tune:
             choice("tune", name, self.kind.names)
@@ -216,7 +216,7 @@ class TuningConfig(Entries):
         if self.observer is None:
             return None
         kind = KINDS[self.observer]
-        return kind.build(self.car(), {**kind.published, **self.observer_parameters})
+        return kind.build(self.car(), {**kind.default, **self.observer_parameters})
 
     def _brake(self) -> Brake:
         try:

@@ -205,7 +205,7 @@ def loop_chains() -> dict[str, WheelSpeedChain]:
 def observed_courses(told: Mapping[str, Any]):
     """The same stops with the 4-state observer of XBS in the loop."""
     kind = KINDS["unknown_road"]
-    observer = kind.build(braking_loop().plant.wheel, kind.published)
+    observer = kind.build(braking_loop().plant.wheel, kind.default)
     return {label: course(sensor, observer, kind.substeps) for label, sensor in told.items()}
 
 

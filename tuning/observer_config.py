@@ -19,7 +19,7 @@ class ObserverConfig(Entries):
 
     Attributes:
         observer: name of the observer, in `tuning.observers.KINDS`.
-        start: parameters to start from; the published ones where not given.
+        start: parameters to start from; the default ones where not given.
         tune: names of the parameters to tune; all when empty.
         limits: (low, high) by parameter.
         wheel: fields of `absjax.vehicle.Wheel`.
@@ -31,12 +31,12 @@ class ObserverConfig(Entries):
         duration: of a run [s]; the road changes once, near the middle.
         noise: standard deviations of the white noise on y [m/s^2], sample by sample; dealt out to the runs in turn.
         noise_weight: settling time that 1 of XBS noise is worth [s]; None tunes on the rms of the error.
-        period: of the samples [s]; substeps: Runge-Kutta steps per sample, None for what the published
+        period: of the samples [s]; substeps: Runge-Kutta steps per sample, None for what the default
             parameters need.
         starts: descents run together: one from the start, the others from the best of `screened` random sets.
         scatter: standard deviation of the random sets' logarithms.
         iterations, learning_rate, seed: of the descent (Adam on the logarithms, cosine decay).
-        refinements: rounds of random search around the winner, on the settling times themselves.
+        refinements: generations of evolution from the winner, on the settling times themselves.
     """
 
     observer: str = "adaptive"
@@ -65,7 +65,7 @@ class ObserverConfig(Entries):
         choice("observer", self.observer, KINDS)
         for entry, names in (("start", self.start), ("tune", self.tune), ("limits", self.limits)):
             for name in names:
-                choice(entry, name, self.kind.published)
+                choice(entry, name, self.kind.default)
         for name in ("runs", "starts", "iterations"):
             require(name, getattr(self, name), getattr(self, name) >= 1, "an integer >= 1")
         require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
@@ -99,7 +99,7 @@ class ObserverConfig(Entries):
 
     def initial(self) -> dict[str, float]:
         """Parameters the descent starts from."""
-        return {**self.kind.published, **self.start}
+        return {**self.kind.default, **self.start}
 
     def car(self) -> Wheel:
         """The wheel."""
@@ -110,7 +110,7 @@ class ObserverConfig(Entries):
 
     def box(self) -> Box:
         """The tuned parameters and their limits."""
-        names = self.tune or tuple(self.kind.published)
+        names = self.tune or tuple(self.kind.default)
         pairs = [self.limits.get(name, (self.kind.low[name], self.kind.high[name])) for name in names]
         for name, (low, high) in zip(names, pairs):
             require(f"limits.{name}", (low, high), 0 < low <= high < math.inf, "(low, high) with 0 < low <= high")

@@ -151,7 +151,7 @@ def log_figure(signals: LogSignals, truth: np.ndarray, estimates: Mapping[str, n
 
 
 def held_out_figure(rows: Sequence[Mapping[str, Any]], roads: Sequence[str]):
-    """Worst settling by the road changed to, published against tuned."""
+    """Worst settling by the road changed to, default against tuned."""
     cycles = list(dict.fromkeys(row["cycle"] for row in rows))
     figure, all_axes = plt.subplots(1, len(cycles), figsize=(6.5 * len(cycles), 4), sharey=True, layout="constrained")
     for axes, cycle in zip(np.atleast_1d(all_axes), cycles):

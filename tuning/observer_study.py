@@ -1,4 +1,4 @@
-"""What tuned observers are worth: settling, noise, wrong speed, a clamp, a rig log; published gains against tuned.
+"""What tuned observers are worth: settling, noise, wrong speed, a clamp, a rig log; default gains against tuned.
 
 Each function returns rows, a list of dictionaries with one key a column.
 """
@@ -56,11 +56,11 @@ def gain_sets() -> list[GainSet]:
     """Published and tuned gains of the 4-state and the adaptive observer, and the quicker 4-state ones of the table."""
     with resources.as_file(resources.files("tuning") / "data" / "observer_gains.json") as path:
         tuned = read_json(path)
-    quick = {**KINDS["unknown_road"].published, "frequency1": 100.0, "frequency2": 100.0}
+    quick = {**KINDS["unknown_road"].default, "frequency1": 100.0, "frequency2": 100.0}
     return [
-        GainSet("adaptive, published", "adaptive", KINDS["adaptive"].published),
+        GainSet("adaptive, default", "adaptive", KINDS["adaptive"].default),
         GainSet("adaptive, tuned", "adaptive", tuned["adaptive"]),
-        GainSet("4-state, poles -60", "unknown_road", KINDS["unknown_road"].published),
+        GainSet("4-state, poles -60", "unknown_road", KINDS["unknown_road"].default),
         GainSet("4-state, poles -100", "unknown_road", quick),
         GainSet("4-state, tuned", "unknown_road", tuned["unknown_road"]),
     ]
@@ -253,13 +253,13 @@ def rig_sets(tyre, tuned: Sequence[GainSet]) -> list[GainSet]:
 
     Source: Aguado-Rojas 2019, Fig. 3.14, (a) to (c).
     """
-    four, c2 = KINDS["unknown_road"].published, float(tyre.c2)
+    four, c2 = KINDS["unknown_road"].default, float(tyre.c2)
     bounds = {"the rig's road": (c2 - 1, c2 + 1), "dry and wet": (22.0, 36.0), "all roads": (6.0, 96.0)}
     sets = [
         GainSet(f"4-state, bounds of {name}", "unknown_road", {**four, "rate1": low, "spread": high - low})
         for name, (low, high) in bounds.items()
     ]
-    known = GainSet("3-state, c2 known", "known_road", {**KINDS["known_road"].published, "c2": c2})
+    known = GainSet("3-state, c2 known", "known_road", {**KINDS["known_road"].default, "c2": c2})
     return [known, *sets, *tuned]
 
 

@@ -1,4 +1,4 @@
-"""The observers' commands: tune on simulated runs or on a log, and the study of published against tuned gains."""
+"""The observers' commands: tune on simulated runs or on a log, and the study of default against tuned gains."""
 
 import dataclasses
 from collections.abc import Iterator
@@ -130,7 +130,7 @@ def tune_on_log(
 
 
 def study(out: Path) -> Iterator[Report]:
-    """Every table and figure of published against tuned gains."""
+    """Every table and figure of default against tuned gains."""
     sets = gain_sets()
     runs = {excitation: table_runs(excitation) for excitation in EXCITATIONS}
     yield _certificates(sets, runs["five_phase"])
@@ -175,7 +175,7 @@ def _figures_of_runs(sets, runs, out: Path) -> Report:
     for name, noise in (("ideal", 0.0), ("perturbed", shaken)):
         found = {label: estimates(gains, one, noise) for label, gains in chosen.items()}
         stiffness = {label: observed.stiffness for label, observed in found.items()}
-        states = figures.states_figure(one, found["adaptive, published"], title=f"adaptive observer, {name}")
+        states = figures.states_figure(one, found["adaptive, default"], title=f"adaptive observer, {name}")
         files.append(save(states, out / f"{name}_states.png"))
         files.append(save(figures.stiffness_figure(one, stiffness, title=name), out / f"{name}_xbs.png"))
     four = {"4-state, poles -60": estimates(chosen["4-state, poles -60"], one).stiffness}

@@ -1,4 +1,4 @@
-"""The observers that can be tuned: their parameters, published values, and how they are built.
+"""The observers that can be tuned: their parameters, default values, and how they are built.
 
 Every parameter is positive, and every positive value gives a stable observer: poles enter as natural
 frequency and damping of s^2 + 2 damping frequency s + frequency^2 (damping 1 is a double real pole), in
@@ -18,14 +18,14 @@ from absjax.vehicle import Wheel
 class Kind(NamedTuple):
     """An observer that can be tuned."""
 
-    published: dict[str, float]
+    default: dict[str, float]
     """parameters before tuning, by name"""
     low: dict[str, float]
     high: dict[str, float]
     build: Callable[[Wheel, Mapping[str, Any]], Any]
     """the observer of a wheel and parameters; traceable"""
     substeps: int
-    """Runge-Kutta steps per sample of 1 ms that the published parameters need"""
+    """Runge-Kutta steps per sample of 1 ms that the default parameters need"""
 
 
 def _factor(x: Mapping[str, Any], number: str = ""):
@@ -51,8 +51,8 @@ def _adaptive(wheel: Wheel, x: Mapping[str, Any]) -> AdaptiveObserver:
 
 
 def _kind(build, substeps: int, **ranges: tuple[float, float, float]) -> Kind:
-    published, low, high = ({name: r[i] for name, r in ranges.items()} for i in range(3))
-    return Kind(published, low, high, build, substeps)
+    default, low, high = ({name: r[i] for name, r in ranges.items()} for i in range(3))
+    return Kind(default, low, high, build, substeps)
 
 
 _FREQUENCY, _DAMPING, _RATIO = (60.0, 5.0, 1000.0), (1.0, 0.3, 5.0), (1.0, 0.1, 10.0)
@@ -82,5 +82,5 @@ KINDS: dict[str, Kind] = {
         gain_d=(1e4, 10.0, 1e7),
     ),
 }
-"""By name: XBS constant (2 states), road of known c2 (3), exponential basis (4), adaptive. The published
-values are double poles at -60 for the switched ones; at -80, with G = diag(4e4, 1e4), for the adaptive one."""
+"""By name: XBS constant (2 states), road of known c2 (3), exponential basis (4), adaptive. The default values are ours,
+the sources print none: double poles at -60 for the switched ones; at -80, with G = diag(4e4, 1e4), for the adaptive one."""

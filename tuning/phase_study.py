@@ -67,8 +67,8 @@ class PhaseRun(NamedTuple):
 
 
 def observer():
-    """The adaptive observer with published gains; it takes the road for another one at the start."""
-    return KINDS["adaptive"].build(Wheel(), KINDS["adaptive"].published)
+    """The adaptive observer with default gains; it takes the road for another one at the start."""
+    return KINDS["adaptive"].build(Wheel(), KINDS["adaptive"].default)
 
 
 def run(controller: Any, start: tuple[float, float], in_the_loop: bool) -> PhaseRun:

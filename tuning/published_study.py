@@ -1,8 +1,9 @@
 """The published table under a pedal that is given: the quantity its source prints, with and without limits.
 
-The source prints v0^2 / (2 g mean friction of the ABS-active time) of the five-phase and the two-phase algorithm, and says
-neither whether its brake had limits nor how its driver pressed. Here the pedal is 400 bar/s, or 6000 bar m/s^2 over the
-initial speed, with which the published ramp begins; thresholds and zref are 10 m/s^2 at least; one set for all rows.
+The source prints v0^2 / (2 g mean friction of the ABS-active time) of the five-phase and the two-phase algorithm, and
+says neither whether its brake had limits nor how its driver pressed. Here the pedal is 400 bar/s, or 6000 bar m/s^2
+over the initial speed, with which a ramp of the source's form begins; thresholds and zref are 10 m/s^2 at least; there
+is one set for all rows, the two-phase ones on the true XBS.
 Source: Aguado-Rojas 2019, Table 4.1.
 """
 

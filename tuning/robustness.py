@@ -1,4 +1,4 @@
-"""Stops on scattered roads, wheels, brakes, pedals and noise: how long they are, how bad the worst, how often they lock.
+"""Stops on scattered roads, wheels, brakes, pedals and noise: how long, how bad the worst, how often locked.
 
 All of it acts on a controller that knows the nominal wheel, tested at the sampling period on noisy signals.
 """
@@ -108,7 +108,7 @@ def draw(count: int, seed: int, scatter: Scatter = SCATTER, roads: tuple[str, ..
 
 
 def stops(config: TuningConfig, controller: Any, draws: Draws) -> tuple[Stop, np.ndarray]:
-    """The stops of a controller, sampled, in the drawn conditions, and the ideal distances; the rest is as configured."""
+    """The stops of a controller, sampled, in the drawn conditions, and the ideal distances; else as configured."""
     nominal = config.loop(controller)
     car = QuarterCar(draws.wheel, UniformRoad(draws.tyre))
     brake = Brake(config.rate_limit, draws.lag, config.delay)

@@ -27,7 +27,7 @@ SPEED, STOP_SPEED = 50.0, 3.0
 """m/s"""
 DURATION = 6.0
 STEP = 2.5e-4
-"""Small enough for the published gains of the adaptive observer, s."""
+"""Small enough for the default gains of the adaptive observer, s."""
 FIVE = FivePhase(eps5=25.0, ways_back=False)
 QUICK = FivePhase(eps5=25.0, u1=12000.0, u3=8000.0, u4=4000.0, ways_back=False)
 """Rates that keep up with the tracking on dry asphalt."""
@@ -46,7 +46,7 @@ class Ride(NamedTuple):
 
 def loops(shift: Any = 0.0) -> dict[str, ClosedLoop]:
     """The loops that are compared: two without feedback, tracking on the true and on two estimated XBS
-    (published gains).
+    (default gains).
 
     Args:
         shift: added to the instants of the changes, s, scalar or (lanes,).
@@ -56,7 +56,7 @@ def loops(shift: Any = 0.0) -> dict[str, ClosedLoop]:
     brake = Brake(rate_limit=750.0)
 
     def observer(kind):
-        return KINDS[kind].build(wheel, KINDS[kind].published)
+        return KINDS[kind].build(wheel, KINDS[kind].default)
 
     tracking = AccelerationTracking(eps5=FIVE.eps5, wheel=wheel)
     return {

@@ -19,7 +19,7 @@ HIGHEST = 20.0
 
 
 def tuning_figures(result: TuningResult, folder: Path) -> list[Path]:
-    """Distances over ideal, descent of the starts, a stop, and limit cycles before and after where roads are uniform."""
+    """Distances over ideal, descent of the starts, a stop, limit cycles before and after where roads are uniform."""
     road, speed = result.config.roads[0], max(result.config.speeds_kmh)
     files = [
         save(_distances(result), folder / "distances.png"),

@@ -29,7 +29,10 @@ class FivePhase(AccelerationPhases):
     u3: Number = parameter("u3, fast apply, bar m/s^2", default=4000.0, **TUNED)
     u4: Number = parameter("u4, slow apply, bar m/s^2", default=2000.0, **TUNED)
     slowest_rim: Number = parameter(
-        "speed of the rim below which rates do not grow any more, m/s; ours", default=SLOWEST_RIM, low=0.0, open_low=True
+        "speed of the rim below which rates do not grow any more, m/s; ours",
+        default=SLOWEST_RIM,
+        low=0.0,
+        open_low=True,
     )
 
     def rate(self, signals: Signals, kept, mode):

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from absjax.vehicle import Signals
 
 OPEN_VALVE = 1e4
-"""Rate asked for by a controller that leaves the brake to the driver, bar/s: the pedal or the actuator sets the pace."""
+"""Rate asked for by a controller that leaves the brake to the driver, bar/s: pedal or actuator set the pace."""
 SLOWEST_RIM = 0.5
 """Speed of the rim below which rates in bar m/s^2 are divided by this one, m/s: a locked wheel divides by nothing."""
 

@@ -87,12 +87,12 @@ def test_scenarios_are_refused_by_name():
 
 def test_gradient_of_the_cost_against_differences(runs):
     bench = bench_of(TINY, runs.select([0]))
-    names = list(TINY.kind.published)
+    names = list(TINY.kind.default)
 
     def cost(logs):
         return bench.judge(dict(zip(names, jnp.exp(logs)))).cost(0.2)
 
-    logs = jnp.log(jnp.array([TINY.kind.published[n] * 1.1 for n in names]))
+    logs = jnp.log(jnp.array([TINY.kind.default[n] * 1.1 for n in names]))
     gradient = np.asarray(jax.jit(jax.grad(cost))(logs))
     value = jax.jit(cost)
     for i in (0, 3, 4, 6):
@@ -135,7 +135,7 @@ def test_every_kind_builds_certified_observers_anywhere_in_its_box(kind):
     for _ in range(5):
         drawn = {n: jnp.asarray(np.exp(rng.uniform(np.log(low[n]), np.log(high[n])))) for n in low}
         assert certify(KINDS[kind].build(wheel, drawn)).holds
-    assert certify(KINDS[kind].build(wheel, {k: jnp.asarray(v) for k, v in KINDS[kind].published.items()})).holds
+    assert certify(KINDS[kind].build(wheel, {k: jnp.asarray(v) for k, v in KINDS[kind].default.items()})).holds
 
 
 @pytest.mark.parametrize(
@@ -192,12 +192,12 @@ def test_adaptive_beats_four_states_on_the_rig_log():
     """Aguado-Rojas 2019, Fig. 3.14: the more roads the 4-state observer has to cover, the worse it gets."""
     log, wheel = rig_log()
     tyre = dataclasses.replace(surface("dry_asphalt"), c1=1.181, c2=26.9, c3=0.862)
-    published = [gains for gains in gain_sets() if "published" in gains.label]
-    study = rig_study(log, wheel, tyre, rig_sets(tyre, published))
+    default = [gains for gains in gain_sets() if "default" in gains.label]
+    study = rig_study(log, wheel, tyre, rig_sets(tyre, default))
     error = {row["observer"]: row["XBS rms"] for row in study.rows}
     four = [error[f"4-state, bounds of {name}"] for name in ("the rig's road", "dry and wet", "all roads")]
-    assert error["adaptive, published"] < 0.6 * four[0] and four[0] < four[1] < four[2]
-    assert error["adaptive, published"] < 0.35
+    assert error["adaptive, default"] < 0.6 * four[0] and four[0] < four[1] < four[2]
+    assert error["adaptive, default"] < 0.35
 
 
 def test_shipped_gains_are_certified_and_settle_on_roads_not_tuned_on():
@@ -212,7 +212,7 @@ def test_shipped_gains_are_certified_and_settle_on_roads_not_tuned_on():
         for label, gains in sets.items():
             error = estimates(gains, held_out).stiffness - held_out.stiffness
             times[label].append(settling(held_out.time, error, held_out.begins, held_out.ends))
-    for before, after in (("4-state, poles -60", "4-state, tuned"), ("adaptive, published", "adaptive, tuned")):
+    for before, after in (("4-state, poles -60", "4-state, tuned"), ("adaptive, default", "adaptive, tuned")):
         assert np.max(times[after]) < np.max(times[before])
         for k in range(2):
             assert times[after][k].mean() < times[before][k].mean()
@@ -247,5 +247,5 @@ def test_a_task_writes_what_it_says(tmp_path, monkeypatch):
     assert {path.name for path in report.files} == {"result.json", "tables.json", "history.png", "held_out.png"}
     assert all(path.stat().st_size > 1000 for path in report.files)
     result = ObserverResult.from_json(read_json(tmp_path / "result.json"))
-    assert result.parameters.keys() == TINY.kind.published.keys() and result.certificate["holds"]
+    assert result.parameters.keys() == TINY.kind.default.keys() and result.certificate["holds"]
     assert "certified" in report.lines[-1]
