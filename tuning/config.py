@@ -70,6 +70,7 @@ class TuningConfig(Entries):
         max_events: switchings a stop may make.
         sampled_period: period at which guards are tested when the result is re-scored [s].
         refinements: generations of evolution from the winner of the descents, judged under both semantics.
+        evolutions: how often that is tried, with other draws.
     """
 
     controller: str = "five_phase"
@@ -108,6 +109,7 @@ class TuningConfig(Entries):
     max_events: int = 800
     sampled_period: float = 1e-3
     refinements: int = 40
+    evolutions: int = 1
 
     def __post_init__(self):
         choice("controller", self.controller, CONTROLLERS)
@@ -116,7 +118,7 @@ class TuningConfig(Entries):
         choice("objective", self.objective, OBJECTIVES)
         choice("reference", self.reference, ("ideal", "published"))
         require("refinements", self.refinements, self.refinements >= 0, "an integer >= 0")
-        for name in ("starts", "iterations", "max_events"):
+        for name in ("starts", "iterations", "max_events", "evolutions"):
             require(name, getattr(self, name), getattr(self, name) >= 1, "an integer >= 1")
         require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
         require("substeps", self.substeps, self.substeps is None or self.substeps >= 1, "an integer >= 1, or null")

@@ -9,7 +9,7 @@ from tuning import search
 from tuning.batch import build, judge
 from tuning.config import TuningConfig
 from tuning.search import Progress
-from tuning.tune_abs import CANDIDATES, WIDEST_SEARCH, TuningResult, descend
+from tuning.tune_abs import CANDIDATES, WIDEST_SEARCH, TuningResult
 
 TUNED = ("eps0", "eps0_growth", "eps1", "eps2", "eps3", "eps4", "eps5", "u1", "u3", "u4", "fallback")
 
@@ -33,41 +33,38 @@ ONE_LIMIT: dict[str, dict[str, Any]] = {
     "lag 5 ms": {"lag": 0.005},
     "thresholds >= 10 m/s²": {"threshold_floor": 10.0},
 }
+GENERATIONS = 30
 
 
 def limit_costs(result: TuningResult, progress: Progress) -> list[dict[str, Any]]:
     """Tune under one limit at a time: what each costs by itself, and all together.
 
-    The searches are short, so that a cost is an upper bound. They begin with the set found under all limits, and with
-    the configuration's start.
+    The searches, by evolution from the set found under all limits, are short, so that a cost is an upper bound.
     """
     rows, least = [], None
     for i, (limit, change) in enumerate(ONE_LIMIT.items()):
-        config = dataclasses.replace(
-            result.config,
-            known=(result.parameters,),
-            starts=2,
-            screened=2,
-            iterations=10,
-            refinements=20,
-            **{**WITHOUT_LIMITS, **change},
-        )
+        config = dataclasses.replace(result.config, **{**WITHOUT_LIMITS, **change})
         problem, box = build(config), config.box()
-        ends, _ = descend(config, problem, box)
+        first = box.valid(box.point(result.parameters)[None])
 
-        def costs(points, problem=problem, box=box):
-            return judge(problem, {name: np.asarray(values) for name, values in box.values(points).items()}).costs
+        def judged(points, problem=problem, box=box):
+            return judge(problem, {name: np.asarray(values) for name, values in box.values(points).items()})
 
         best, _ = search.refine(
-            costs, box, ends, rounds=config.refinements, count=CANDIDATES, widest=WIDEST_SEARCH, seed=config.seed
+            lambda points, judged=judged: judged(points).costs,
+            box,
+            first,
+            rounds=GENERATIONS,
+            count=CANDIDATES,
+            widest=WIDEST_SEARCH,
+            seed=config.seed,
         )
-        judged = judge(problem, {name: np.asarray(values)[None] for name, values in box.values(best).items()})
-        excess = 100 * (judged.stops.distance[:, 0] / problem.ideal - 1)
+        excess = 100 * (judged(best[None]).stops.distance[:, 0] / problem.ideal - 1)
         least = float(excess.mean()) if least is None else least
         rows.append(_row(limit, excess, least))
         progress(i + 1, len(ONE_LIMIT), float(excess.mean()))
     excess = np.array([100 * (row.tuned.distance / row.ideal - 1) for row in result.rows if row.tuned.distance])
-    return rows + [_row("all three", excess, least)]
+    return [*rows, _row("all three", excess, least)]
 
 
 def _row(limit: str, excess: np.ndarray, least: float) -> dict[str, Any]:

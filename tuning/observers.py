@@ -83,4 +83,4 @@ KINDS: dict[str, Kind] = {
     ),
 }
 """By name: XBS constant (2 states), road of known c2 (3), exponential basis (4), adaptive. The default values are ours,
-the sources print none: double poles at -60 for the switched ones; at -80, with G = diag(4e4, 1e4), for the adaptive one."""
+the sources print none: double poles at -60 for the switched ones; at -80, G = diag(4e4, 1e4), for the adaptive one."""

@@ -134,7 +134,15 @@ def screen(costs: Costs, box: Box, first: np.ndarray, *, scatter: float, count: 
 
 
 def refine(
-    costs: Costs, box: Box, candidates: np.ndarray, *, rounds: int, count: int, widest: float, seed: int
+    costs: Costs,
+    box: Box,
+    candidates: np.ndarray,
+    *,
+    rounds: int,
+    count: int,
+    widest: float,
+    seed: int,
+    evolutions: int = 1,
 ) -> tuple[np.ndarray, float]:
     """The best of the candidates, and what evolution (CMA-ES) from it finds.
 
@@ -142,21 +150,23 @@ def refine(
         candidates: points (sets, parameters).
         rounds, count: generations, and points in each.
         widest: standard deviation of the first generation.
+        evolutions: how often it is tried, from the same point with other draws; the best counts.
 
     Returns:
         The best point and its cost.
     """
     judged = costs(candidates)
     best, cost = candidates[np.argmin(judged)], float(judged.min())
-    low, high = box.limits
-    strategy = CMA(best, widest, np.stack([low - SLACK, high + SLACK], axis=1), seed=seed, population_size=count)
-    for _ in range(rounds):
-        asked = [strategy.ask() for _ in range(count)]
-        points = box.valid(np.stack(asked))
-        judged = costs(points)
-        strategy.tell([(point, min(float(value), WORST)) for point, value in zip(asked, judged)])
-        if judged.min() < cost:
-            best, cost = points[np.argmin(judged)], float(judged.min())
+    first, bounds = best, np.stack([box.limits[0] - SLACK, box.limits[1] + SLACK], axis=1)
+    for evolution in range(evolutions):
+        strategy = CMA(first, widest, bounds, seed=seed + evolution, population_size=count)
+        for _ in range(rounds):
+            asked = [strategy.ask() for _ in range(count)]
+            points = box.valid(np.stack(asked))
+            judged = costs(points)
+            strategy.tell([(point, min(float(value), WORST)) for point, value in zip(asked, judged)])
+            if judged.min() < cost:
+                best, cost = points[np.argmin(judged)], float(judged.min())
     return best, cost
 
 

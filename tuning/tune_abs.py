@@ -24,7 +24,7 @@ from tuning.search import Box, Progress
 from tuning.version import VERSION
 
 CANDIDATES = 64
-WIDEST_SEARCH = 0.15
+WIDEST_SEARCH = 0.25
 """Standard deviation of the first refinement on the scales of the box."""
 BREACH_CHARGE = 10.0
 """Added to the cost of a set that exceeds the limit on contraction: any set that keeps it is better."""
@@ -119,6 +119,7 @@ def tune_abs(config: TuningConfig, *, progress: Progress = lambda i, n, cost: No
         count=CANDIDATES,
         widest=WIDEST_SEARCH,
         seed=config.seed + 1,
+        evolutions=config.evolutions,
     )
     tuned = {name: float(value) for name, value in box.values(chosen).items()}
     parameters = config.initial() | tuned

@@ -13,7 +13,7 @@ from typing import ClassVar
 import jax.numpy as jnp
 
 from absjax.control.acceleration_phases import TUNED, AccelerationPhases, Number
-from absjax.control.phases import OPEN_VALVE, SLOWEST_RIM, by_phase, per_rim
+from absjax.control.phases import OPEN_VALVE, by_phase, per_rim
 from absjax.parameters import model, parameter
 from absjax.vehicle import Signals
 
@@ -28,14 +28,8 @@ class FivePhase(AccelerationPhases):
     u1: Number = parameter("u1, release, bar m/s^2", default=6000.0, **TUNED)
     u3: Number = parameter("u3, fast apply, bar m/s^2", default=4000.0, **TUNED)
     u4: Number = parameter("u4, slow apply, bar m/s^2", default=2000.0, **TUNED)
-    slowest_rim: Number = parameter(
-        "speed of the rim below which rates do not grow any more, m/s; ours",
-        default=SLOWEST_RIM,
-        low=0.0,
-        open_low=True,
-    )
 
     def rate(self, signals: Signals, kept, mode):
         """Commanded dPb/dt [bar/s]."""
         strength = by_phase(mode, (0.0, -self.u1, 0.0, self.u3, self.u4, 0.0))
-        return jnp.where(mode == 0, OPEN_VALVE, per_rim(strength, signals, self.slowest_rim))
+        return jnp.where(mode == 0, OPEN_VALVE, per_rim(strength, signals))

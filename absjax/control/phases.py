@@ -18,9 +18,9 @@ def by_phase(mode, values):
     return chosen
 
 
-def per_rim(strength, signals: Signals, slowest=SLOWEST_RIM):
-    """dPb/dt [bar/s] of a strength u [bar m/s^2]: u / (R w), as if the rim were not slower than `slowest` [m/s]."""
-    return strength / jnp.maximum(signals.radius * signals.wheel_speed, slowest)
+def per_rim(strength, signals: Signals):
+    """dPb/dt [bar/s] of a strength u [bar m/s^2]: u / (R w)."""
+    return strength / jnp.maximum(signals.radius * signals.wheel_speed, SLOWEST_RIM)
 
 
 def onset_threshold(least, growth, signals: Signals):
