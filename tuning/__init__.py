@@ -3,7 +3,10 @@
 `load_controller("result.json")` and `plot_stop` take what `tune-abs` wrote.
 """
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tuning.results import load_controller, load_result, plot_stop
 
 __all__ = ["load_controller", "load_result", "plot_stop"]
 

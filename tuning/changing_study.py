@@ -14,12 +14,12 @@ import numpy as np
 
 from absjax.closed_loop import ClosedLoop
 from absjax.manoeuvre import Stop, stop
-from absjax.parameters import lane_axes
 from absjax.vehicle import GRAVITY
 from tuning.batch import build, rows_of
 from tuning.config import TuningConfig
 from tuning.distance_study import NAMES, Entry, cell, stops_of, untuned_and_tuned
 from tuning.recipes import tuned_sets
+from tuning.ride import signals_along
 from tuning.roads import BLEND, least_peak, name_of
 from tuning.settings import SAMPLED
 
@@ -82,10 +82,7 @@ def brakes_again(config: TuningConfig, values: dict[str, float]) -> np.ndarray:
     """Time from the end of the last change of the road until 90 % of its friction are used, (rows,), or infinite."""
     loop, stopped = recorded(config, values)
     path = stopped.rollout.trajectory
-    axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(loop))
-    signals = jax.vmap(lambda loop, *at: jax.vmap(loop.measured)(*at), in_axes=(axes, 0, 0, 0))(
-        loop, path.time, path.state.loop, path.mode
-    )
+    signals = signals_along(loop, path)
     offered = float(np.asarray(jax.tree.leaves(loop.plant.road.surfaces[-1].peak().friction)[0]).flat[0])
     used = -np.asarray(signals.vehicle_acceleration) / GRAVITY
     changed = config.roads[0]["changes"][-1] + BLEND

@@ -1,6 +1,7 @@
 """The chain in the loop: a stop under five phases told what an encoder's edges tell, against one told the truth.
 
-Dry concrete from 130 km/h, thresholds 50, 30, 40, 20, 20 and 30 m/s^2 (Aguado-Rojas 2019, section 6.4). The slower
+Dry concrete from 130 km/h, thresholds 50, 30, 40, 20, 20 and 30 m/s^2, the automaton as
+published, from whose holds there is no way back (Aguado-Rojas 2019, section 6.4). The slower
 the wheel, the further back the last edges reach, and the later the controller is told, by an encoder without errors
 too: below 20 km/h the wheel locks, so stops end there, and excursions count above 60 km/h.
 """
@@ -42,7 +43,7 @@ def braking_loop(observer: Any = None, free: bool = False) -> ClosedLoop:
     """The loop of the study; `free`: under the ramp of the source, the pressure free, below 0 too."""
     car = QuarterCar(Wheel(), UniformRoad(surface("dry_concrete")))
     driver = FreeRamp() if free else Driver()
-    return ClosedLoop(car, Brake(), FivePhase(), stop_speed=END_SPEED, observer=observer, driver=driver)
+    return ClosedLoop(car, Brake(), FivePhase(ways_back=False), stop_speed=END_SPEED, observer=observer, driver=driver)
 
 
 class Course(NamedTuple):

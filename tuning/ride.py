@@ -8,6 +8,8 @@ import numpy as np
 from absjax.closed_loop import LOCK_SPEEDS, ClosedLoop
 from absjax.manoeuvre import Stop
 from absjax.parameters import lane_axes
+from absjax.recording import Trajectory
+from absjax.vehicle import Signals
 
 LARGE_SLIP = 0.5
 
@@ -23,20 +25,26 @@ class Ride(NamedTuple):
     """time with |slip| above 0.5, s"""
 
 
+def signals_along(loop: ClosedLoop, path: Trajectory) -> Signals:
+    """The true signals of recorded lanes, arrays (lanes, points)."""
+    state = path.state.loop if hasattr(path.state, "loop") else path.state
+    axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(loop))
+    over_lanes = jax.vmap(lambda loop, *at: jax.vmap(loop.measured)(*at), in_axes=(axes, 0, 0, 0))
+    return over_lanes(loop, path.time, state, path.mode)
+
+
 def ride_of(loop: ClosedLoop, stops: Stop) -> Ride:
     """Of stops whose trajectory was kept."""
     path = stops.rollout.trajectory
-    state = path.state.loop if hasattr(path.state, "loop") else path.state
-    axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(loop))
-    signals = jax.vmap(lambda loop, *at: jax.vmap(loop.measured)(*at), in_axes=(axes, 0, 0, 0))(
-        loop, path.time, state, path.mode
-    )
+    signals = signals_along(loop, path)
     valid, time = np.asarray(path.valid), np.asarray(path.time)
     speed, acceleration = np.asarray(signals.vehicle_speed), np.asarray(signals.vehicle_acceleration)
     radius = np.asarray(signals.radius)
     slip = np.abs(radius * np.asarray(signals.wheel_speed) / speed - 1)
     period = np.diff(time, axis=1)
-    onset = np.asarray(stops.onset_time + state.memory.pedal_time[:, -1])
+    state = stops.rollout.state
+    memory = (state.loop if hasattr(state, "loop") else state).memory
+    onset = np.asarray(stops.onset_time + memory.pedal_time)
     counts = valid[:, 1:] & (time[:, :-1] > onset[:, None])
     jerk = np.where(counts, np.diff(acceleration, axis=1) / np.where(counts, period, 1.0), 0.0)
     return Ride(

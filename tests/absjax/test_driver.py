@@ -152,9 +152,15 @@ class ByHand:
             self.jump(name, t, y)
 
 
-def test_a_stop_with_lock_and_a_pedal_pressed_twice_against_scipy():
+@pytest.fixture(scope="module")
+def by_hand():
+    """What it went through, the time of the stop, and the state then."""
     hand = ByHand()
-    time, y = hand.run()
+    return hand, *hand.run()
+
+
+def test_a_stop_with_lock_and_a_pedal_pressed_twice_against_scipy(by_hand):
+    hand, time, y = by_hand
     assert hand.seen >= {"lock", "free", "foot", "arrives", "on pedal", "leaves", "onward"} and hand.locks > 1
     result = stop(loop_of(), SPEED, horizon=8.0, step=5e-4)
     assert Outcome(int(result.outcome)) is Outcome.STOPPED
@@ -183,10 +189,19 @@ def neighbours():
     return np.asarray(exact), np.asarray(values[0] - values[1]) / (2 * h), result
 
 
-def test_gradient_through_lock_limits_and_pedal(neighbours):
+def test_gradient_through_lock_limits_and_pedal(neighbours, by_hand):
     exact, difference, result = neighbours
+    np.testing.assert_allclose(result.distance, by_hand[2][2] - 0.03 * SPEED, atol=1e-3)
     assert np.all(np.asarray(result.locks) > 1) and np.all(np.abs(exact) > 1e-3)
     np.testing.assert_allclose(exact, difference, rtol=2e-5)
+
+
+def test_single_precision_keeps_its_type(by_hand):
+    single = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), loop_of())
+    result = stop(single, jnp.float32(SPEED), horizon=8.0)
+    assert result.distance.dtype == result.lock_time[0].dtype == jnp.float32
+    assert float(result.distance) == pytest.approx(by_hand[2][2] - 0.03 * SPEED, abs=5e-3)
+    assert int(result.locks) == by_hand[0].locks
 
 
 def pressures(system, speed, steps):

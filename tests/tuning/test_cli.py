@@ -64,6 +64,7 @@ def test_encoder_takes_a_log(tmp_path):
         (("identify", DATA / "rig_65kmh.csv", "--out", "x", "--car", "no.json"), "no.json: no such file"),
         (("encoder", DATA / "encoder_edges.csv", "--out", "x", "--column", "t"), "no column 't'; there are edge_tick"),
         (("tune-abs", "--config", DATA / "rig_65kmh.csv", "--out", "x"), "not JSON"),
+        (("abs-sets", "--only", "six_phase", "--out", "x"), "--only: 'six_phase' is unknown; there are five_phase"),
         (("tune-observer", "--observer", "kalman", "--out", "x"), "'kalman' is unknown; there are constant"),
         (("tune-observer", "--log", DATA / "stop_dry_wet.csv", "--out", "x"), "no longitudinal force"),
     ],
