@@ -18,6 +18,7 @@ from tuning.cycles import CycleRow, certify_cycles
 from tuning.distance_study import FURTHER_ROADS, FURTHER_SPEEDS_KMH, NAMES, untuned_and_tuned
 from tuning.figures import save
 from tuning.files import write_csv, write_json
+from tuning.published import ROADS, SPEEDS_KMH
 from tuning.recipes import tuned_sets
 from tuning.report import Report
 from tuning.settings import CHAIN, LOCATED, SAMPLED, SETTINGS
@@ -140,7 +141,10 @@ def published(out: Path) -> Report:
 
 def cycles(out: Path) -> Report:
     """Certificates of the limit cycles of all controllers that cycle."""
-    found = {name: certify_cycles(config, config.start) for name, config in tuned_sets().items()}
+    everywhere = {
+        name: dataclasses.replace(config, roads=ROADS, speeds_kmh=SPEEDS_KMH) for name, config in tuned_sets().items()
+    }
+    found = {name: certify_cycles(config, config.start) for name, config in everywhere.items()}
     found = {name: rows for name, rows in found.items() if rows}
     table = [
         {

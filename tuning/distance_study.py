@@ -13,6 +13,7 @@ import numpy as np
 
 from absjax.ideal import ideal_distance
 from absjax.manoeuvre import stop
+from tuning import published
 from tuning.batch import Figures, Row, every_set_on_every_row, rows_of
 from tuning.config import TuningConfig
 from tuning.recipes import tuned_sets
@@ -116,13 +117,14 @@ def untuned_and_tuned(config: TuningConfig) -> dict[str, dict[str, float]]:
 
 
 def study(
-    settings: Iterable[Setting], roads: tuple[Any, ...] | None = None, speeds_kmh: tuple[float, ...] | None = None
+    settings: Iterable[Setting],
+    roads: tuple[Any, ...] = published.ROADS,
+    speeds_kmh: tuple[float, ...] = published.SPEEDS_KMH,
 ) -> list[Entry]:
     """Stops of all shipped controllers in all settings."""
     found = []
     for config in tuned_sets().values():
-        where = {"roads": roads, "speeds_kmh": speeds_kmh}
-        config = dataclasses.replace(config, **{k: v for k, v in where.items() if v is not None})
+        config = dataclasses.replace(config, roads=roads, speeds_kmh=speeds_kmh)
         for setting in settings:
             found += stops_of(config, untuned_and_tuned(config), setting, record=setting in (LOCATED, SAMPLED))
     return found

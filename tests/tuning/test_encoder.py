@@ -140,7 +140,7 @@ def test_the_stop_told_the_truth_is_near_the_ideal():
     found = course(None)
     ideal = float(ideal_distance(braking_loop(), SPEED, horizon=HORIZON))
     row = loop_row("the truth", found, ideal)
-    assert row["do not end"] == row["stuck"] == 0 and 0 < row["mean above ideal [%]"] < 3
+    assert row["do not end"] == row["stuck"] == 0 and 0 < row["mean above ideal [%]"] < 5
     assert row["x2 to"] == pytest.approx(40, abs=1) and row["x2 from"] == pytest.approx(-30, abs=1)
     braking = reference_of("braking", 2.0)
     wheel = found.signals.wheel_speed[0]

@@ -20,6 +20,7 @@ from tuning.tune_abs import TuningResult, tune_abs
 SMALL = TuningConfig(
     roads=("dry_asphalt", "wet_asphalt"),
     speeds_kmh=(40.0,),
+    objective="worst",
     rate_limit=None,
     lag=None,
     threshold_floor=12.0,
@@ -76,7 +77,8 @@ def test_limits_hold(result):
     names, low, high, _ = SMALL.box()
     values = np.array([result[0].parameters[name] for name in names])
     assert np.all(values >= np.multiply(low, 1 - 1e-9)) and np.all(values <= np.multiply(high, 1 + 1e-9))
-    assert all(low[i] == 12.0 for i, name in enumerate(names) if name.startswith("eps"))
+    least = dict(zip(names, low))
+    assert all(least[f"eps{i}"] == 12.0 for i in (0, 1, 3, 4)) and least["eps2"] == least["eps5"] == pytest.approx(14.1)
     eps = [result[0].parameters[f"eps{i}"] for i in range(6)]
     assert eps[2] >= max(eps[1], eps[3]) + 2 and eps[5] >= eps[4] + 2 and result[0].parameters["fallback"] == 0.9
 
