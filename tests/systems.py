@@ -25,8 +25,9 @@ TRUE_GRADIENT = np.array(
 
 
 def five_phase_loop(parameters=None, tyre=None, stop_speed=None, driver=None, **brake) -> ClosedLoop:
-    """Without a driver the published ramp, 3 u4 / (R w), and a free pressure."""
-    controller = FivePhase() if parameters is None else FivePhase(**dict(zip(NAMES, parameters)))
+    """The automaton as published; without a driver the ramp 3 u4 / (R w) and a free pressure."""
+    values = {} if parameters is None else dict(zip(NAMES, parameters))
+    controller = FivePhase(**values, ways_back=False)
     car = QuarterCar(Wheel(), UniformRoad(SURFACES["dry_asphalt"] if tyre is None else tyre))
     driver = FreeRamp(3 * controller.u4) if driver is None else driver
     return ClosedLoop(car, Brake(**brake), controller, stop_speed, driver=driver)

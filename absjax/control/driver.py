@@ -21,7 +21,9 @@ class DriverBraking:
         "eps0, deceleration that ends driver braking, m/s^2", default=30.0, low=0.0, open_low=True, trainable=True
     )
 
-    eps0_growth: Any = parameter("by which eps0 grows with the rim's speed, 1/s; ours", default=0.0, low=0.0)
+    eps0_growth: Any = parameter(
+        "by which eps0 grows with the rim's speed, 1/s; ours", default=0.0, low=0.0, trainable=True
+    )
 
     def driver_guard(self, signals: Signals):
         """Rises through zero where driver braking ends."""

@@ -172,7 +172,7 @@ def test_a_stop_with_lock_and_a_pedal_pressed_twice_against_scipy(by_hand):
 
 @pytest.fixture(scope="module")
 def neighbours():
-    """Stops a little before and after in one direction of four parameters, and the gradient along it."""
+    """Stops a little before and after in one direction of four parameters, and the gradient along it, under jit."""
 
     def total(shift):
         eps4, rate, delay, c3 = (1 + shift * a for a in ANGLE)
@@ -185,7 +185,7 @@ def neighbours():
 
     h = 1e-6
     values, result = total(jnp.array([h, -h]))
-    exact = jax.jacrev(lambda shift: total(shift)[0])(0.0)
+    exact = jax.jit(jax.jacrev(lambda shift: total(shift)[0]))(0.0)
     return np.asarray(exact), np.asarray(values[0] - values[1]) / (2 * h), result
 
 
@@ -273,11 +273,3 @@ def test_the_ideal_stop_follows_the_pedal_then_the_road():
     changing = float(ideal_distance(loop_of(driver=at_once, road=patch), SPEED, horizon=8.0))
     assert changing == pytest.approx(by_quadrature(driver, peak, SPEED), abs=2e-4)
     assert float(ideal_distance(loop_of(driver=soft), SPEED, horizon=0.5)) == np.inf
-
-
-def test_a_stop_under_jit_gives_value_and_gradient():
-    def distance(eps1):
-        return stop(loop_of(FivePhase(eps1=eps1)), SPEED, horizon=8.0).distance
-
-    value, slope = jax.jit(jax.value_and_grad(distance))(30.0)
-    assert float(value) > float(ideal_distance(loop_of(), SPEED, horizon=8.0)) and np.isfinite(float(slope))

@@ -56,11 +56,13 @@ def test_the_loop_is_told_what_the_edges_tell(stops, lane):
         acceleration_offset=true.radius * found.acceleration[ROLLING:] - true.vehicle_acceleration,
     )
     phases, phase, controller = [0], 0, LOOP.controller
+    kept = controller.at(jax.tree.map(lambda x: np.asarray(x)[0], told))
     for k in range(1, STEPS + 1):
         now = jax.tree.map(lambda x, k=k: np.asarray(x)[k], told)
-        for slot, guard in enumerate(controller.guards(now, (), phase)):
+        for slot, guard in enumerate(controller.guards(now, kept, phase)):
             if guard >= 0:
-                phase = int(controller.switch(now, (), phase, slot)[1])
+                kept, phase = controller.switch(now, kept, phase, slot)
+                phase = int(phase)
                 break
         phases.append(phase)
     np.testing.assert_array_equal(LOOP.phase(path.mode), phases)

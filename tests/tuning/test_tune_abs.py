@@ -10,12 +10,12 @@ from typer.testing import CliRunner
 from tuning.batch import build, judge
 from tuning.cli import app, configuration
 from tuning.config import ConfigError, TuningConfig
-from tuning.cycles import certify_cycles
+from tuning.cycles import certify_cycles, rig_loops
 from tuning.demo import limited
 from tuning.files import read_json, write_json
 from tuning.report import tuning_rows
 from tuning.results import load_controller, plot_stop
-from tuning.tune_abs import TuningResult, tune_abs
+from tuning.tune_abs import TuningResult, _costs_and_gradients, tune_abs
 
 SMALL = TuningConfig(
     roads=("dry_asphalt", "wet_asphalt"),
@@ -71,6 +71,22 @@ def test_the_limit_on_contraction_is_reached_by_its_gradient(result):
     before = {row.road: row.contraction for row in certify_cycles(SMALL, SMALL.initial())}
     assert max(before.values()) > 0.7
     assert all(row.certified and row.contraction < 0.61 for row in result[0].cycles)
+
+
+def test_the_gradient_of_cost_and_contraction_against_differences():
+    """Of the very program that descends: distances, and what the contraction of every cycle is charged."""
+    problem, box = build(SMALL), SMALL.box()
+    loops, limits = rig_loops(SMALL), (SMALL.largest_contraction, SMALL.kind.step)
+    at = box.valid(np.stack([box.point(SMALL.initial())] * 2))
+    direction = np.where(np.array(box.names) == "eps1", 1.0, np.where(np.array(box.names) == "u1", -0.7, 0.0))
+
+    def costs(shift):
+        values, gradients = _costs_and_gradients(problem, loops, at + shift * direction, box, limits)
+        return np.asarray(values)[0], np.asarray(gradients)[0] @ direction
+
+    h = 1e-6
+    value, slope = costs(0.0)
+    assert value > 1.1 and slope == pytest.approx((costs(h)[0] - costs(-h)[0]) / (2 * h), rel=1e-4)
 
 
 def test_limits_hold(result):
