@@ -17,10 +17,10 @@ from absjax.manoeuvre import Stop, stop
 from absjax.vehicle import GRAVITY
 from tuning.batch import build, rows_of
 from tuning.config import TuningConfig
-from tuning.distance_study import NAMES, Entry, cell, stops_of, untuned_and_tuned
+from tuning.distance_study import HORIZON, NAMES, Entry, cell, stops_of, untuned_and_tuned
 from tuning.recipes import tuned_sets
 from tuning.ride import signals_along
-from tuning.roads import BLEND, least_peak, name_of
+from tuning.roads import BLEND, name_of
 from tuning.settings import SAMPLED
 
 PATCH = {"surfaces": ["dry_asphalt", "snow", "dry_asphalt"], "changes": [25.0, 55.0]}
@@ -73,7 +73,7 @@ def recorded(config: TuningConfig, values: dict[str, float]) -> tuple[ClosedLoop
     controller = dataclasses.replace(problem.loop.controller, **values)
     loop = dataclasses.replace(problem.loop, controller=controller)
     system, step = SAMPLED.applied(config, loop)
-    horizon = 2.0 * max(row.speed / (GRAVITY * least_peak(row.road)) for row in rows_of(config)) + 1.0
+    horizon = HORIZON * max(row.longest_ideal for row in rows_of(config)) + 1.0
     every = max(1, round(1e-3 / step))
     return loop, stop(system, problem.speed, horizon=min(horizon, 40.0), step=step, max_events=1500, save_every=every)
 

@@ -34,8 +34,6 @@ HORIZON = 2.0
 """Longest time allowed, as a multiple of the ideal stop's, plus one second."""
 RECORD = 1e-3
 """Between the points that are kept where a ride is asked for, s."""
-LONGEST_LOCK = 0.05
-"""Longest lock above 15 km/h a set may have, s."""
 NO_MAXIMUM = ((0.8, 12.0, 0.0), (0.35, 40.0, 0.0))
 """Roads whose friction does not fall with slip, like gravel or deep snow: c1, c2 and c3 = 0."""
 FURTHER_ROADS: tuple[Any, ...] = ("snow", "ice", *NO_MAXIMUM)
