@@ -16,18 +16,16 @@ import jax
 import jax.numpy as jnp
 
 from absjax._modes import AT_ZERO, FREE, ON_PEDAL, Mode, decoded
-from absjax._numerics import safe_divide, tree_where
+from absjax._numerics import tree_where
 from absjax.actuator import Brake, BrakeState
 from absjax.control.phases import per_rim
 from absjax.driver import HELD, NEVER, OFF, PRESSING, Driver, FreeRamp, Pedal
 from absjax.hybrid import FINISHED
+from absjax.memory import Locks, Memory
 from absjax.observers.sampled import Observer
 from absjax.parameters import model, parameter, part
 from absjax.vehicle import Plant, Signals
 
-LOCK_SPEEDS = (15 / 3.6, 2.5 / 3.6)
-"""Vehicle speeds above which lock is counted, m/s: regulation tolerates it below the first (UN R13-H, annex 6), the
-source below the second (Aguado-Rojas 2019, section 2.3)."""
 SPIN_UP = 1e-6
 """Speed a wheel comes free with, rad/s: at 0 it would count as locked again."""
 LEAVING_RATE = 1.0
@@ -64,68 +62,6 @@ class Controller(Protocol):
     def switch(self, signals: Signals, kept: Any, mode, slot) -> tuple[Any, jax.Array]:
         """What it keeps, and the phase, after the guard of `slot` has fired."""
         ...
-
-
-class Locks(NamedTuple):
-    """When the wheel was locked; scalars per lane, those with two entries by `LOCK_SPEEDS`."""
-
-    count: jax.Array
-    """how often"""
-    since: jax.Array
-    """when the last one began, s"""
-    speed: jax.Array
-    """vehicle speed then, m/s"""
-    time: tuple[jax.Array, jax.Array]
-    """spent locked above each speed, s"""
-    longest: tuple[jax.Array, jax.Array]
-    """longest of them, s"""
-
-    def begun(self, time, speed) -> "Locks":
-        """With a lock that begins now."""
-        return self._replace(count=self.count + 1, since=time + 0.0 * speed, speed=speed)
-
-    def ended(self, time, speed) -> "Locks":
-        """With the last one over now. A locked wheel slides: what of it was above a speed follows from its two ends."""
-        lasted, lost = time - self.since, self.speed - speed
-        above = [
-            jnp.where(
-                speed >= limit, lasted, lasted * safe_divide(jnp.maximum(self.speed - limit, 0.0), lost, lost > 0)
-            )
-            for limit in LOCK_SPEEDS
-        ]
-        return self._replace(
-            time=tuple(total + more for total, more in zip(self.time, above)),
-            longest=tuple(jnp.maximum(longest, more) for longest, more in zip(self.longest, above)),
-        )
-
-
-class Memory(NamedTuple):
-    """What a manoeuvre remembers of its course; scalars per lane."""
-
-    pedal_time: jax.Array
-    """when the foot first pressed, s"""
-    pedal_position: jax.Array
-    """distance travelled until then, m"""
-    onset_time: jax.Array
-    """when the controller first switched, s"""
-    onset_speed: jax.Array
-    """vehicle speed then, m/s"""
-    onset_position: jax.Array
-    """distance travelled until then, m"""
-    cycles: jax.Array
-    """times the controller has entered its cycle phase"""
-    cycle_time: jax.Array
-    """when it last did, s"""
-    longest_cycle: jax.Array
-    """longest time between two such entries, s"""
-    locks: Locks
-
-    @classmethod
-    def blank(cls, speed) -> "Memory":
-        """Of a manoeuvre that begins at `speed` [m/s]."""
-        zero = 0.0 * speed
-        locks = Locks(zero, zero, zero, (zero, zero), (zero, zero))
-        return cls(zero, zero, zero, speed, zero, zero, zero, zero, locks)
 
 
 class LoopState(NamedTuple):

@@ -5,8 +5,9 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from absjax.closed_loop import LOCK_SPEEDS, ClosedLoop
+from absjax.closed_loop import ClosedLoop
 from absjax.manoeuvre import Stop
+from absjax.memory import LOCK_SPEEDS
 from absjax.parameters import lane_axes
 from absjax.recording import Trajectory
 from absjax.vehicle import Signals

@@ -17,9 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from absjax.closed_loop import ClosedLoop, LoopState, Memory
+from absjax.closed_loop import ClosedLoop, LoopState
 from absjax.engine import Status, rollout
 from absjax.hybrid import FINISHED
+from absjax.memory import Memory
 from absjax.parameters import concrete, lane_axes, model, part
 from absjax.vehicle import TestRig
 

@@ -12,11 +12,12 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from absjax.actuator import Brake
-from absjax.closed_loop import LOCK_SPEEDS, ClosedLoop
+from absjax.closed_loop import ClosedLoop
 from absjax.control.five_phase import FivePhase
 from absjax.driver import Driver, FreeRamp
 from absjax.ideal import ideal_distance
 from absjax.manoeuvre import Outcome, stop
+from absjax.memory import LOCK_SPEEDS
 from absjax.road import SURFACES, ChangingRoad, UniformRoad
 from absjax.sampled_loop import SampledLoop
 from absjax.vehicle import QuarterCar, Wheel

@@ -1,0 +1,74 @@
+"""What a manoeuvre remembers of its course: the pedal, the first switching, the cycles, the locks."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from absjax._numerics import safe_divide
+
+LOCK_SPEEDS = (15 / 3.6, 2.5 / 3.6)
+"""Vehicle speeds above which lock is counted, m/s: regulation tolerates it below the first (UN R13-H, annex 6), the
+source below the second (Aguado-Rojas 2019, section 2.3)."""
+
+
+class Locks(NamedTuple):
+    """When the wheel was locked; scalars per lane, those with two entries by `LOCK_SPEEDS`."""
+
+    count: jax.Array
+    """how often"""
+    since: jax.Array
+    """when the last one began, s"""
+    speed: jax.Array
+    """vehicle speed then, m/s"""
+    time: tuple[jax.Array, jax.Array]
+    """spent locked above each speed, s"""
+    longest: tuple[jax.Array, jax.Array]
+    """longest of them, s"""
+
+    def begun(self, time, speed) -> "Locks":
+        """With a lock that begins now."""
+        return self._replace(count=self.count + 1, since=time + 0.0 * speed, speed=speed)
+
+    def ended(self, time, speed) -> "Locks":
+        """With the last one over now. A locked wheel slides: what of it was above a speed follows from its two ends."""
+        lasted, lost = time - self.since, self.speed - speed
+        above = [
+            jnp.where(
+                speed >= limit, lasted, lasted * safe_divide(jnp.maximum(self.speed - limit, 0.0), lost, lost > 0)
+            )
+            for limit in LOCK_SPEEDS
+        ]
+        return self._replace(
+            time=tuple(total + more for total, more in zip(self.time, above)),
+            longest=tuple(jnp.maximum(longest, more) for longest, more in zip(self.longest, above)),
+        )
+
+
+class Memory(NamedTuple):
+    """What a manoeuvre remembers of its course; scalars per lane."""
+
+    pedal_time: jax.Array
+    """when the foot first pressed, s"""
+    pedal_position: jax.Array
+    """distance travelled until then, m"""
+    onset_time: jax.Array
+    """when the controller first switched, s"""
+    onset_speed: jax.Array
+    """vehicle speed then, m/s"""
+    onset_position: jax.Array
+    """distance travelled until then, m"""
+    cycles: jax.Array
+    """times the controller has entered its cycle phase"""
+    cycle_time: jax.Array
+    """when it last did, s"""
+    longest_cycle: jax.Array
+    """longest time between two such entries, s"""
+    locks: Locks
+
+    @classmethod
+    def blank(cls, speed) -> "Memory":
+        """Of a manoeuvre that begins at `speed` [m/s]."""
+        zero = 0.0 * speed
+        locks = Locks(zero, zero, zero, (zero, zero), (zero, zero))
+        return cls(zero, zero, zero, speed, zero, zero, zero, zero, locks)
