@@ -1,37 +1,42 @@
 """A differentiable JAX model of anti-lock braking."""
 
-from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop
-from absjax.control.bosch import BoschLogic
-from absjax.control.driver import DriverBraking
-from absjax.control.five_phase import FivePhase
-from absjax.control.slip import SlipControl
-from absjax.control.stiffness import StiffnessControl
-from absjax.control.tracking import AccelerationTracking
-from absjax.control.two_phase import TwoPhase
-from absjax.driver import Driver, FreeRamp
+from absjax.controllers.bosch import BoschLogic
+from absjax.controllers.driver_braking import DriverBraking
+from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.slip import SlipControl
+from absjax.controllers.stiffness import StiffnessControl
+from absjax.controllers.tracking import AccelerationTracking
+from absjax.controllers.two_phase import TwoPhase
 from absjax.encoder.edges import Edges, edges_of
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.harmonics import HarmonicCompensation
 from absjax.encoder.notch import NotchFilter
 from absjax.encoder.rotation import Rotation
-from absjax.encoder.sensor import EncoderSensor
 from absjax.encoder.time_stamping import TimeStamping
 from absjax.encoder.wheel_speed import WheelSpeed, WheelSpeedChain
-from absjax.engine import Rollout, RolloutError, Status, rollout
-from absjax.hybrid import FINISHED, HybridSystem, Smooth, TickingSystem
-from absjax.ideal import ideal_distance
-from absjax.manoeuvre import Outcome, Stop, stop
+from absjax.hybrid.rollout import Rollout, RolloutError, Status, rollout
+from absjax.hybrid.system import FINISHED, HybridSystem, Smooth, TickingSystem
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.driver import Driver, FreeRamp
+from absjax.loop.ideal import ideal_distance
+from absjax.loop.sampled_loop import SampledLoop
+from absjax.loop.stop import Outcome, Stop, stop
 from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.base import Sample
 from absjax.observers.certificate import Certificate, certify
 from absjax.observers.clamped import Clamped
-from absjax.observers.sampled import Observation, ObserverStatus, Sample, observe
+from absjax.observers.run import Observation, ObserverStatus, observe
 from absjax.observers.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
-from absjax.road import SURFACES, ChangingRoad, UniformRoad, surface
-from absjax.sampled_loop import SampledLoop
-from absjax.sensor import NoisySensor
-from absjax.tyre import Burckhardt, ExponentialBasis, fit_exponential_basis
-from absjax.vehicle import GRAVITY, QuarterCar, TestRig, Wheel
+from absjax.plant.brake import Brake
+from absjax.plant.quarter_car import QuarterCar
+from absjax.plant.road import ChangingRoad, UniformRoad
+from absjax.plant.test_rig import TestRig
+from absjax.plant.wheel import GRAVITY, Wheel
+from absjax.sensors.encoder import EncoderSensor
+from absjax.sensors.noisy import NoisySensor
+from absjax.tyres.burckhardt import Burckhardt
+from absjax.tyres.exponential_basis import ExponentialBasis, fit_exponential_basis
+from absjax.tyres.surfaces import SURFACES, surface
 
 __all__ = [
     "FINISHED",

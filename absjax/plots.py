@@ -6,8 +6,8 @@ import jax
 import matplotlib.axes
 import numpy as np
 
-from absjax.closed_loop import ClosedLoop, LoopState
-from absjax.engine import Trajectory
+from absjax.hybrid.rollout import Trajectory
+from absjax.loop.closed_loop import ClosedLoop, LoopState
 
 
 def speeds(axes: matplotlib.axes.Axes, trajectory: Trajectory, radius: float, label: str = "") -> None:

@@ -5,14 +5,16 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop
-from absjax.control.five_phase import FivePhase
-from absjax.driver import FreeRamp
-from absjax.hybrid import Smooth
+from absjax.controllers.five_phase import FivePhase
+from absjax.hybrid.system import Smooth
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.driver import FreeRamp
 from absjax.parameters import model, parameter
-from absjax.road import SURFACES, UniformRoad
-from absjax.vehicle import QuarterCar, Wheel
+from absjax.plant.brake import Brake
+from absjax.plant.quarter_car import QuarterCar
+from absjax.plant.road import UniformRoad
+from absjax.plant.wheel import Wheel
+from absjax.tyres.surfaces import SURFACES
 
 NAMES = ("eps0", "eps1", "eps2", "eps3", "eps4", "eps5", "u1", "u3", "u4")
 PARAMETERS = jnp.array([50.0, 30.0, 40.0, 20.0, 20.0, 30.0, 6000.0, 4000.0, 2000.0])

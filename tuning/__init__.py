@@ -6,7 +6,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tuning.results import load_controller, load_result, plot_stop
+    from tuning.controllers.results import load_controller, load_result, plot_stop
 
 __all__ = ["load_controller", "load_result", "plot_stop"]
 
@@ -14,7 +14,7 @@ __all__ = ["load_controller", "load_result", "plot_stop"]
 def __getattr__(name: str) -> Any:
     # Imported when asked for: the command line starts without them.
     if name in __all__:
-        from tuning import results
+        from tuning.controllers import results
 
         return getattr(results, name)
     raise AttributeError(f"module 'tuning' has no attribute {name!r}")

@@ -11,7 +11,7 @@ import jax
 import matplotlib
 import typer
 
-from tuning.terminal import bar, clear_errors, console, print_report, print_study
+from tuning.core.terminal import bar, clear_errors, console, print_report, print_study
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__, pretty_exceptions_enable=False)
 Out = Annotated[Path, typer.Option("--out", help="Folder for results and figures; made if missing.")]
@@ -50,13 +50,13 @@ def identify(
 def _identify(log, out, columns, car, load, start, end):
     import dataclasses
 
-    from absjax.vehicle import Wheel
-    from tuning.car import car_of, read_car
-    from tuning.figures import identification_figures
-    from tuning.files import write_json
-    from tuning.identify import identify as run
-    from tuning.logs import parse_columns, read_csv
-    from tuning.report import identification_table
+    from absjax.plant.wheel import Wheel
+    from tuning.core.files import write_json
+    from tuning.core.report import identification_table
+    from tuning.logs.brake_log import parse_columns, read_csv
+    from tuning.logs.car import car_of, read_car
+    from tuning.road.figures import identification_figures
+    from tuning.road.identify import identify as run
 
     car = car_of(log, car)
     wheel = Wheel() if car is None else read_car(car)
@@ -79,19 +79,21 @@ def _identify(log, out, columns, car, load, start, end):
 
 @app.command("tune-abs")
 def tune_abs(
-    config: Annotated[Path, typer.Option(help="JSON, see `tuning.config.TuningConfig`; or a result to go on from.")],
+    config: Annotated[
+        Path, typer.Option(help="JSON, see `tuning.controllers.config.TuningConfig`; or a result to go on from.")
+    ],
     out: Out,
 ) -> None:
     """An anti-lock controller, for a batch of roads and speeds, with its limit cycles: result.json and figures."""
     with clear_errors():
-        from tuning.config import TuningConfig
+        from tuning.controllers.config import TuningConfig
 
         _tune(TuningConfig.from_json(configuration(config)), out, "tuned thresholds")
 
 
 def configuration(path: Path | None):
     """What a configuration file holds, nothing without one; a result goes on from its parameters."""
-    from tuning.files import read_json
+    from tuning.core.files import read_json
 
     data = {} if path is None else read_json(path)
     if isinstance(data, dict) and "parameters" in data and "config" in data:
@@ -100,10 +102,10 @@ def configuration(path: Path | None):
 
 
 def _tune(config, out: Path, title: str):
-    from tuning.files import write_json
-    from tuning.report import cycles_line, parameter_line, rows_table, tuning_rows
-    from tuning.tune_abs import tune_abs as run
-    from tuning.tuning_figures import tuning_figures
+    from tuning.controllers.figures import tuning_figures
+    from tuning.controllers.tune import tune_abs as run
+    from tuning.core.files import write_json
+    from tuning.core.report import cycles_line, parameter_line, rows_table, tuning_rows
 
     with bar(f"{title}: {config.iterations} iterations, {config.starts} starts") as progress:
         result = run(config, progress=progress)
@@ -128,8 +130,8 @@ def abs_sets(
 ) -> None:
     """Tune the shipped controller sets anew, from untuned values: a result for each, and controllers.json."""
     with clear_errors():
-        from tuning.entries import choice
-        from tuning.recipes import recipes, write_sets
+        from tuning.controllers.recipes import recipes, write_sets
+        from tuning.core.config import choice
 
         wanted = list(recipes()) if only is None else only.split(",")
         for name in wanted:
@@ -144,7 +146,7 @@ def abs_study(
 ) -> None:
     """All controllers: limit cycles, the published table of distances, further roads, robustness; with figures."""
     with clear_errors():
-        from tuning.abs_tasks import run_study
+        from tuning.controllers.study.tasks import run_study
 
         print_study(run_study(out, stops), out)
 
@@ -153,7 +155,8 @@ def abs_study(
 def tune_observer(
     out: Out,
     config: Annotated[
-        Path | None, typer.Option(help="JSON, see `tuning.observer_config.ObserverConfig`; or a result to go on from.")
+        Path | None,
+        typer.Option(help="JSON, see `tuning.observers.config.ObserverConfig`; or a result to go on from."),
     ] = None,
     observer: Annotated[
         str | None, typer.Option(help="constant, known_road, unknown_road or adaptive; overrides the config.")
@@ -170,8 +173,8 @@ def tune_observer(
 ) -> None:
     """Gains of an observer of XBS with their certificate: result.json and figures."""
     with clear_errors():
-        from tuning.observer_config import ObserverConfig
-        from tuning.observer_tasks import tune, tune_on_log
+        from tuning.observers.config import ObserverConfig
+        from tuning.observers.tasks import tune, tune_on_log
 
         data = configuration(config)
         if observer is not None and isinstance(data, dict):
@@ -189,7 +192,7 @@ def tune_observer(
 def observer_study(out: Out) -> None:
     """Published gains against tuned: settling, noise, wrong speed, a rig log, tracking; tables and figures."""
     with clear_errors():
-        from tuning.observer_tasks import study
+        from tuning.observers.tasks import study
 
         print_study(study(out), out)
 
@@ -208,8 +211,8 @@ def encoder(
 ) -> None:
     """Wheel speed and acceleration from edge times, the encoder's errors taken off: CSV, result.json and figures."""
     with clear_errors():
-        from tuning.edge_log import read_edges
-        from tuning.encoder_tasks import chain_for, study_edges
+        from tuning.encoder.tasks import chain_for, study_edges
+        from tuning.logs.edges import read_edges
 
         data = read_edges(log, teeth=teeth, clock=clock, column=column)
         print_report(study_edges(data, out, chain_for(data, events, harmonics, chain), period))
@@ -219,13 +222,13 @@ def encoder(
 def tune_encoder(
     out: Out,
     config: Annotated[
-        Path | None, typer.Option(help="JSON, see `tuning.encoder_config.EncoderConfig`; or a result to go on from.")
+        Path | None, typer.Option(help="JSON, see `tuning.encoder.config.EncoderConfig`; or a result to go on from.")
     ] = None,
 ) -> None:
     """The compensation of encoder errors, on simulated encoders: result.json and figures."""
     with clear_errors():
-        from tuning.encoder_config import EncoderConfig
-        from tuning.encoder_tasks import tune
+        from tuning.encoder.config import EncoderConfig
+        from tuning.encoder.tasks import tune
 
         wanted = EncoderConfig.from_json(configuration(config))
         with bar(f"encoder chain: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
@@ -241,7 +244,7 @@ def encoder_study(
 ) -> None:
     """The published table, other encoders, endurance, and the chain in the loop; tables and figures."""
     with clear_errors():
-        from tuning.encoder_tasks import study
+        from tuning.encoder.tasks import study
 
         print_study(study(out, encoders, hours), out)
 
@@ -251,8 +254,8 @@ def demo(out: Out = Path("demo")) -> None:
     """Identify a road from the log shipped here, then tune five-phase thresholds, from untuned, under a given pedal."""
     begun = time.monotonic()
     with clear_errors():
-        from tuning.demo import limit_costs, limited
-        from tuning.report import rows_table
+        from tuning.controllers.demo import limit_costs, limited
+        from tuning.core.report import rows_table
 
         with resources.as_file(resources.files("tuning") / "data") as data:
             console.rule("1  the road from a brake log")

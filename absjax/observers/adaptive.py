@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from absjax.observers.gains import spectral_radius
 from absjax.observers.switched import constant_stiffness
 from absjax.parameters import model, parameter, part
-from absjax.vehicle import Wheel
+from absjax.plant.wheel import Wheel
 
 
 class AdaptiveState(NamedTuple):

@@ -13,10 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import expm
 
+from absjax.observers.base import Sample
 from absjax.observers.gains import lyapunov
-from absjax.observers.sampled import Sample
 from absjax.observers.switched import SwitchedObserver
-from absjax.vehicle import Wheel
+from absjax.plant.wheel import Wheel
 
 
 class Dwell(NamedTuple):

@@ -16,7 +16,7 @@ import jax.numpy as jnp
 
 from absjax.observers.gains import GainPair, characteristic, partner, place, spectral_radius
 from absjax.parameters import model, parameter
-from absjax.vehicle import Wheel
+from absjax.plant.wheel import Wheel
 
 
 class LinearModel(NamedTuple):

@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from absjax.control.five_phase import FivePhase
-from absjax.engine import rollout
-from absjax.road import SURFACES
+from absjax.controllers.five_phase import FivePhase
+from absjax.hybrid.rollout import rollout
+from absjax.tyres.surfaces import SURFACES
 from tests.systems import five_phase_loop
 
 INERTIA, RADIUS, LOAD, BRAKE, GRAVITY = 1.2, 0.3, 2500.0, 17.5, 9.81

@@ -12,22 +12,24 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop
-from absjax.control.bosch import BoschLogic
-from absjax.control.five_phase import FivePhase
-from absjax.control.slip import SlipControl
-from absjax.control.stiffness import StiffnessControl
-from absjax.control.tracking import AccelerationTracking
-from absjax.control.two_phase import TwoPhase
-from absjax.driver import FreeRamp
-from absjax.engine import rollout
-from absjax.hybrid import UNDEFINED
-from absjax.manoeuvre import Outcome, stop
+from absjax.controllers.bosch import BoschLogic
+from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.slip import SlipControl
+from absjax.controllers.stiffness import StiffnessControl
+from absjax.controllers.tracking import AccelerationTracking
+from absjax.controllers.two_phase import TwoPhase
+from absjax.hybrid.rollout import rollout
+from absjax.hybrid.system import UNDEFINED
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.driver import FreeRamp
+from absjax.loop.sampled_loop import SampledLoop
+from absjax.loop.stop import Outcome, stop
 from absjax.observers.adaptive import AdaptiveObserver
-from absjax.road import SURFACES, UniformRoad
-from absjax.sampled_loop import SampledLoop
-from absjax.vehicle import QuarterCar, Wheel
+from absjax.plant.brake import Brake
+from absjax.plant.quarter_car import QuarterCar
+from absjax.plant.road import UniformRoad
+from absjax.plant.wheel import Wheel
+from absjax.tyres.surfaces import SURFACES
 
 INERTIA, RADIUS, LOAD, BRAKE, GRAVITY = 1.2, 0.3, 2500.0, 17.5, 9.81
 A, B = RADIUS**2 * LOAD / INERTIA, RADIUS * BRAKE / INERTIA

@@ -9,17 +9,20 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import lambertw
 
-from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop
-from absjax.control.five_phase import FivePhase
-from absjax.control.slip import SlipControl
-from absjax.control.two_phase import TwoPhase
-from absjax.cycles.lambert import lambert_w0
-from absjax.cycles.rollout import CycleStatus, limit_cycle
-from absjax.cycles.two_phase import kappa_of, poincare_map, two_phase_cycle
-from absjax.engine import rollout
-from absjax.road import SURFACES, UniformRoad
-from absjax.vehicle import QuarterCar, TestRig, Wheel
+from absjax.controllers._lambert import lambert_w0
+from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.slip import SlipControl
+from absjax.controllers.two_phase import TwoPhase
+from absjax.controllers.two_phase_cycle import kappa_of, poincare_map, two_phase_cycle
+from absjax.hybrid.rollout import rollout
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.limit_cycle import CycleStatus, limit_cycle
+from absjax.plant.brake import Brake
+from absjax.plant.quarter_car import QuarterCar
+from absjax.plant.road import UniformRoad
+from absjax.plant.test_rig import TestRig
+from absjax.plant.wheel import Wheel
+from absjax.tyres.surfaces import SURFACES
 
 DRY = SURFACES["dry_asphalt"]
 C, D = 23.99, 12.4748

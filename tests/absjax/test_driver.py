@@ -11,16 +11,18 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop
-from absjax.control.five_phase import FivePhase
-from absjax.driver import Driver, FreeRamp
-from absjax.ideal import ideal_distance
-from absjax.manoeuvre import Outcome, stop
-from absjax.memory import LOCK_SPEEDS
-from absjax.road import SURFACES, ChangingRoad, UniformRoad
-from absjax.sampled_loop import SampledLoop
-from absjax.vehicle import QuarterCar, Wheel
+from absjax.controllers.five_phase import FivePhase
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.driver import Driver, FreeRamp
+from absjax.loop.ideal import ideal_distance
+from absjax.loop.memory import LOCK_SPEEDS
+from absjax.loop.sampled_loop import SampledLoop
+from absjax.loop.stop import Outcome, stop
+from absjax.plant.brake import Brake
+from absjax.plant.quarter_car import QuarterCar
+from absjax.plant.road import ChangingRoad, UniformRoad
+from absjax.plant.wheel import Wheel
+from absjax.tyres.surfaces import SURFACES
 
 INERTIA, RADIUS, LOAD, BRAKE, GRAVITY = 1.2, 0.3, 2500.0, 17.5, 9.81
 RATE_LIMIT, LAG = 750.0, 5e-3

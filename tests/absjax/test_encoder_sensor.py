@@ -7,22 +7,24 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop
-from absjax.control.five_phase import FivePhase
+from absjax.controllers.five_phase import FivePhase
 from absjax.encoder.edges import edges_of
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.harmonics import HarmonicCompensation
 from absjax.encoder.rotation import Rotation
-from absjax.encoder.sensor import EncoderSensor
 from absjax.encoder.time_stamping import TimeStamping
 from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
-from absjax.engine import rollout
-from absjax.hybrid import Smooth
+from absjax.hybrid.rollout import rollout
+from absjax.hybrid.system import Smooth
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.sampled_loop import SampledLoop
 from absjax.parameters import model, parameter
-from absjax.road import UniformRoad, surface
-from absjax.sampled_loop import SampledLoop
-from absjax.vehicle import QuarterCar, Wheel
+from absjax.plant.brake import Brake
+from absjax.plant.quarter_car import QuarterCar
+from absjax.plant.road import UniformRoad
+from absjax.plant.wheel import Wheel
+from absjax.sensors.encoder import EncoderSensor
+from absjax.tyres.surfaces import surface
 
 T = 1e-3
 CAR = QuarterCar(Wheel(), UniformRoad(surface("dry_concrete")))

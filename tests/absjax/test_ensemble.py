@@ -5,10 +5,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax import engine
-from absjax.engine import rollout
+from absjax.hybrid import rollout as engine
+from absjax.hybrid.rollout import rollout
 from absjax.parameters import lane_axes
-from absjax.tyre import Burckhardt
+from absjax.tyres.burckhardt import Burckhardt
 from tests.systems import Decay, Level, Relay, five_phase_loop
 
 DRIVES = np.linspace(1.5, 2.5, 11)

@@ -5,21 +5,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop
-from absjax.control.bosch import BoschLogic
-from absjax.control.five_phase import FivePhase
-from absjax.control.slip import SlipControl
-from absjax.control.stiffness import StiffnessControl
-from absjax.control.tracking import AccelerationTracking
-from absjax.control.two_phase import TwoPhase
-from absjax.driver import Driver
-from absjax.ideal import ideal_distance
-from absjax.manoeuvre import Outcome, stop
+from absjax.controllers.bosch import BoschLogic
+from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.slip import SlipControl
+from absjax.controllers.stiffness import StiffnessControl
+from absjax.controllers.tracking import AccelerationTracking
+from absjax.controllers.two_phase import TwoPhase
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.driver import Driver
+from absjax.loop.ideal import ideal_distance
+from absjax.loop.stop import Outcome, stop
 from absjax.parameters import bounds_of, trainable_names
-from absjax.road import SURFACES, ChangingRoad
-from absjax.tyre import Burckhardt
-from absjax.vehicle import QuarterCar, Wheel
+from absjax.plant.brake import Brake
+from absjax.plant.quarter_car import QuarterCar
+from absjax.plant.road import ChangingRoad
+from absjax.plant.wheel import Wheel
+from absjax.tyres.burckhardt import Burckhardt
+from absjax.tyres.surfaces import SURFACES
 
 SETS, END = 2000, 3.0
 CONTROLLERS = (FivePhase, AccelerationTracking, TwoPhase, StiffnessControl, SlipControl, BoschLogic)

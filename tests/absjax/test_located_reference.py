@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.driver import Driver
-from absjax.engine import Status, rollout
-from absjax.tyre import Burckhardt
+from absjax.hybrid.rollout import Status, rollout
+from absjax.loop.driver import Driver
+from absjax.tyres.burckhardt import Burckhardt
 from tests.systems import (
     DURATION,
     PARAMETERS,

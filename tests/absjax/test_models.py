@@ -5,16 +5,19 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.actuator import Brake
-from absjax.control.five_phase import FivePhase
-from absjax.engine import rollout
-from absjax.hybrid import Smooth
-from absjax.manoeuvre import Outcome, stop
+from absjax.controllers.five_phase import FivePhase
+from absjax.hybrid.rollout import rollout
+from absjax.hybrid.system import Smooth
+from absjax.loop.sampled_loop import SampledLoop
+from absjax.loop.stop import Outcome, stop
 from absjax.parameters import model, parameter, part
-from absjax.road import SURFACES, ChangingRoad, UniformRoad, as_road, surface
-from absjax.sampled_loop import SampledLoop
-from absjax.tyre import Burckhardt
-from absjax.vehicle import CarState, QuarterCar, RigState, TestRig, Wheel
+from absjax.plant.brake import Brake
+from absjax.plant.quarter_car import CarState, QuarterCar
+from absjax.plant.road import ChangingRoad, UniformRoad, as_road
+from absjax.plant.test_rig import RigState, TestRig
+from absjax.plant.wheel import Wheel
+from absjax.tyres.burckhardt import Burckhardt
+from absjax.tyres.surfaces import SURFACES, surface
 from tests.systems import PARAMETERS, five_phase_loop
 
 DRY, WET, SNOW = (SURFACES[name] for name in ("dry_asphalt", "wet_asphalt", "snow"))

@@ -21,7 +21,7 @@ from absjax.observers.gains import (
     spectral_radius,
 )
 from absjax.observers.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
-from absjax.vehicle import Wheel
+from absjax.plant.wheel import Wheel
 
 WHEEL = Wheel()
 SLIP_GAIN = 187.5

@@ -7,19 +7,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax._modes import AT_ZERO, FREE, decoded
-from absjax.actuator import Brake
-from absjax.closed_loop import ClosedLoop
-from absjax.control.tracking import AccelerationTracking
-from absjax.control.two_phase import TwoPhase
-from absjax.driver import FreeRamp
-from absjax.engine import rollout
+from absjax.controllers.tracking import AccelerationTracking
+from absjax.controllers.two_phase import TwoPhase
+from absjax.hybrid.rollout import rollout
+from absjax.loop._modes import AT_ZERO, FREE, decoded
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.driver import FreeRamp
+from absjax.loop.sampled_loop import SampledLoop
 from absjax.observers.adaptive import AdaptiveObserver
-from absjax.observers.sampled import Sample, observe
+from absjax.observers.base import Sample
+from absjax.observers.run import observe
 from absjax.observers.switched import SwitchedObserver, unknown_road
-from absjax.road import UniformRoad, surface
-from absjax.sampled_loop import SampledLoop
-from absjax.vehicle import QuarterCar, TestRig, Wheel
+from absjax.plant.brake import Brake
+from absjax.plant.quarter_car import QuarterCar
+from absjax.plant.road import UniformRoad
+from absjax.plant.test_rig import TestRig
+from absjax.plant.wheel import Wheel
+from absjax.tyres.surfaces import surface
 
 WHEEL = Wheel()
 RIG = TestRig(WHEEL, UniformRoad(surface("dry_asphalt")), 20.0)

@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from absjax.engine import RolloutError
-from absjax.observers import least_squares
+from absjax.hybrid.rollout import RolloutError
+from absjax.observers import rls
 from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.base import Sample
 from absjax.observers.certificate import certify
 from absjax.observers.clamped import Clamped
 from absjax.observers.excitation import decay_along, dwell_times, excitation, regressor
-from absjax.observers.sampled import ObserverStatus, Sample, observe
+from absjax.observers.run import ObserverStatus, observe
 from absjax.observers.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
-from absjax.vehicle import Wheel
+from absjax.plant.wheel import Wheel
 
 WHEEL = Wheel()
 A_GAIN, B_GAIN = 187.5, 4.375
@@ -222,8 +223,8 @@ def test_least_squares_against_plain_sums():
     phi = -A_GAIN * PERIOD * 0.5 * (y[1:] / samples.speed[1:] + y[:-1] / samples.speed[:-1])
     target = np.diff(y) + B_GAIN * np.diff(samples.pressure)
     memory, prior, window = 0.02, 1e-2, 30
-    recursive = least_squares.recursive(samples, PERIOD, WHEEL, memory, prior)
-    windowed = least_squares.windowed(samples, PERIOD, WHEEL, window, prior)
+    recursive = rls.recursive(samples, PERIOD, WHEEL, memory, prior)
+    windowed = rls.windowed(samples, PERIOD, WHEEL, window, prior)
     for k in (1, 17, 119):
         age = np.exp(-PERIOD / memory * np.arange(k)[::-1])
         information = np.sum(age * phi[:k] ** 2) + prior * np.exp(-PERIOD * k / memory)
@@ -232,12 +233,12 @@ def test_least_squares_against_plain_sums():
         least = np.sum(phi[first:k] * target[first:k]) / (np.sum(phi[first:k] ** 2) + prior)
         assert float(windowed[k]) == pytest.approx(least, rel=1e-9)
     with pytest.raises(ValueError, match="window = 0"):
-        least_squares.windowed(samples, PERIOD, WHEEL, 0)
+        rls.windowed(samples, PERIOD, WHEEL, 0)
 
 
 def test_least_squares_find_a_constant_stiffness():
     samples, _ = simplified_model(lambda slip: 2.0)
-    for estimate in (least_squares.recursive, least_squares.windowed):
+    for estimate in (rls.recursive, rls.windowed):
         assert float(estimate(samples, PERIOD, WHEEL)[-1]) == pytest.approx(2.0, rel=5e-3)
 
 

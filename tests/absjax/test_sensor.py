@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.sensor import NoisySensor
-from absjax.vehicle import Signals
+from absjax.sensors.noisy import NoisySensor
+from absjax.signals import Signals
 
 
 def signals(x2=-20.0, ax=-8.0, time=0.1):

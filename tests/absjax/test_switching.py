@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.engine import RolloutError, Status, rollout
+from absjax.hybrid.rollout import RolloutError, Status, rollout
 from tests.systems import Decay, Explosion, Level, Oscillator, Race, Relay, Swing
 
 START = Level(jnp.asarray(0.0))

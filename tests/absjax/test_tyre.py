@@ -5,8 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.road import SURFACES
-from absjax.tyre import Burckhardt, ExponentialBasis, fit_exponential_basis
+from absjax.tyres.burckhardt import Burckhardt
+from absjax.tyres.exponential_basis import ExponentialBasis, fit_exponential_basis
+from absjax.tyres.surfaces import SURFACES
 
 SLIPS = np.array([-1.0, -0.3, -0.05, -1e-9, 0.0, 1e-9, 0.02, 0.7])
 CURVES = [SURFACES["dry_asphalt"], SURFACES["ice"], SURFACES["snow"], ExponentialBasis(-0.527, 25.222, 7.204)]

@@ -1,7 +1,7 @@
 """The hand-written baseline of the benchmarks: located switching in plain numba, for one model.
 
 Five-phase ABS on a quarter car, float64, threads over lanes, each lane a scalar loop. It follows the
-scheme of `absjax._lanes`, without derivatives, records or any other model. The state is v, the rim speed
+scheme of `absjax.hybrid._step`, without derivatives, records or any other model. The state is v, the rim speed
 y = R w, the pressure as the rim deceleration it causes q = R gamma_b Pb / J, and the distance. With
 a = R^2 Fz / J a slope is the pair (mu, q') of
 

@@ -6,17 +6,20 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from absjax.manoeuvre import Outcome
+from absjax.loop.stop import Outcome
 from absjax.parameters import trainable_names
-from tuning import changing_study, phase_study, published_study, robustness
-from tuning.batch import Figures, Row, build
-from tuning.config import TuningConfig
-from tuning.controllers import CONTROLLERS
-from tuning.cycles import CONTRACTION_CHARGE, CycleRow, certify_cycles, exact_charges
-from tuning.distance_study import Entry, cell, details, stops_of, summary, table, untuned_and_tuned
-from tuning.files import write_csv
-from tuning.recipes import published_sets, recipes, tuned_sets
-from tuning.settings import CHAIN, COARSE, LOCATED, SAMPLED
+from tuning.controllers.batch import Figures, Row, build
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.cycles import CONTRACTION_CHARGE, CycleRow, certify_cycles, exact_charges
+from tuning.controllers.kinds import CONTROLLERS
+from tuning.controllers.recipes import published_sets, recipes, tuned_sets
+from tuning.controllers.settings import CHAIN, COARSE, LOCATED, SAMPLED
+from tuning.controllers.study import changing as changing_study
+from tuning.controllers.study import phase_plane as phase_study
+from tuning.controllers.study import published_table as published_study
+from tuning.controllers.study import robustness
+from tuning.controllers.study.distances import Entry, cell, details, stops_of, summary, table, untuned_and_tuned
+from tuning.core.files import write_csv
 
 KEY = ["controller", "set", "setting", "period_ms", "road", "speed_kmh"]
 COLUMNS = [

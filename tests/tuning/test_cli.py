@@ -9,7 +9,7 @@ import pytest
 
 import tuning
 from tuning.cli import configuration
-from tuning.observer_config import ObserverConfig
+from tuning.observers.config import ObserverConfig
 
 DATA = Path(tuning.__file__).parent / "data"
 

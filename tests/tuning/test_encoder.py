@@ -8,26 +8,19 @@ import numpy as np
 import pytest
 
 from absjax.encoder.encoder import Encoder
-from absjax.ideal import ideal_distance
-from tuning.edge_log import EdgeLog, read_edges
-from tuning.encoder_bench import PERIOD, bench_of, filtered_chain, joined, mean_errors, measured_chain, published_chain
-from tuning.encoder_bench import reference as reference_of
-from tuning.encoder_config import EncoderConfig
-from tuning.encoder_log import order_spectrum, study_log, tooth_errors
-from tuning.encoder_loop import HORIZON, SPEED, braking_loop, course, loop_row
-from tuning.encoder_study import tuned_chain
-from tuning.encoder_tasks import chain_for, tune
-from tuning.entries import ConfigError
-from tuning.files import read_json
-from tuning.logs import LogError
-from tuning.tune_encoder import (
-    EncoderResult,
-    _costs,
-    _costs_and_gradients,
-    _shape,
-    chain_of,
-    training_benches,
-)
+from absjax.loop.ideal import ideal_distance
+from tuning.core.config import ConfigError
+from tuning.core.files import read_json
+from tuning.encoder.analysis import order_spectrum, study_log, tooth_errors
+from tuning.encoder.bench import PERIOD, bench_of, filtered_chain, joined, mean_errors, measured_chain, published_chain
+from tuning.encoder.bench import reference as reference_of
+from tuning.encoder.config import EncoderConfig
+from tuning.encoder.loop import HORIZON, SPEED, braking_loop, course, loop_row
+from tuning.encoder.study import tuned_chain
+from tuning.encoder.tasks import chain_for, tune
+from tuning.encoder.tune import EncoderResult, _costs, _costs_and_gradients, _shape, chain_of, training_benches
+from tuning.logs.brake_log import LogError
+from tuning.logs.edges import EdgeLog, read_edges
 
 LOG = resources.files("tuning") / "data" / "encoder_edges.csv"
 SMALL = EncoderConfig(

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import tuning
-from absjax.tyre import Burckhardt
-from absjax.vehicle import Wheel
-from tuning.changes import find_stretches
-from tuning.friction_samples import FrictionSamples, friction_samples, is_rig
-from tuning.identify import Identification, identify
-from tuning.least_squares import arrow_fit
-from tuning.logs import LogError, read_csv
+from absjax.plant.wheel import Wheel
+from absjax.tyres.burckhardt import Burckhardt
+from tuning.logs.brake_log import LogError, read_csv
+from tuning.road.arrow_fit import arrow_fit
+from tuning.road.changes import find_stretches
+from tuning.road.identify import Identification, identify
+from tuning.road.samples import FrictionSamples, friction_samples, is_rig
 
 DATA = Path(tuning.__file__).parent / "data"
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tuning.logs import LogError, parse_columns, read_csv
+from tuning.logs.brake_log import LogError, parse_columns, read_csv
 
 HEADER = ["time_s", "wheel_speed_rad_s", "vehicle_speed_m_s", "brake_pressure_bar", "longitudinal_acceleration_m_s2"]
 

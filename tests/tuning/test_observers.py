@@ -8,23 +8,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.engine import RolloutError
+from absjax.hybrid.rollout import RolloutError
 from absjax.observers.certificate import certify
-from absjax.road import surface
-from absjax.vehicle import Wheel
-from tuning.entries import ConfigError
-from tuning.files import read_json
-from tuning.logs import BrakeLog, LogError
-from tuning.observer_bench import bench_of, training_runs
-from tuning.observer_config import ObserverConfig
-from tuning.observer_metrics import crossings, rms, settling, within
-from tuning.observer_signals import observer_signals
-from tuning.observer_study import estimates, gain_sets, held_out_runs, rig_sets, rig_study, speed_rows, table_runs
-from tuning.observer_tasks import rig_log, tune
-from tuning.observers import KINDS
-from tuning.scenarios import BLEND, concatenate, simulate
-from tuning.tracking_study import drive, loops, summary
-from tuning.tune_observer import ObserverResult, exact_costs, judge, trade_off, tune_observer
+from absjax.plant.wheel import Wheel
+from absjax.tyres.surfaces import surface
+from tuning.core.config import ConfigError
+from tuning.core.files import read_json
+from tuning.logs.brake_log import BrakeLog, LogError
+from tuning.observers.bench import bench_of, training_runs
+from tuning.observers.config import ObserverConfig
+from tuning.observers.kinds import KINDS
+from tuning.observers.metrics import crossings, rms, settling, within
+from tuning.observers.scenarios import BLEND, concatenate, simulate
+from tuning.observers.signals import observer_signals
+from tuning.observers.study import estimates, gain_sets, held_out_runs, rig_sets, rig_study, speed_rows, table_runs
+from tuning.observers.tasks import rig_log, tune
+from tuning.observers.tracking import drive, loops, summary
+from tuning.observers.tune import ObserverResult, exact_costs, judge, trade_off, tune_observer
 
 TINY = ObserverConfig(
     observer="unknown_road",

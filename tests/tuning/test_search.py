@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from tuning.search import Box, descend, in_chunks, refine, screen
+from tuning.core.search import Box, descend, in_chunks, refine, screen
 
 BOX = Box(("size", "shift"), (0.1, -1.0), (10.0, 3.0))
 

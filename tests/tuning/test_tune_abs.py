@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tuning.batch import build, judge
 from tuning.cli import app, configuration
-from tuning.config import ConfigError, TuningConfig
-from tuning.cycles import certify_cycles, rig_loops
-from tuning.demo import limited
-from tuning.files import read_json, write_json
-from tuning.report import tuning_rows
-from tuning.results import load_controller, plot_stop
-from tuning.tune_abs import TuningResult, _costs_and_gradients, tune_abs
+from tuning.controllers.batch import build, judge
+from tuning.controllers.config import ConfigError, TuningConfig
+from tuning.controllers.cycles import certify_cycles, rig_loops
+from tuning.controllers.demo import limited
+from tuning.controllers.results import load_controller, plot_stop
+from tuning.controllers.tune import TuningResult, _costs_and_gradients, tune_abs
+from tuning.core.files import read_json, write_json
+from tuning.core.report import tuning_rows
 
 SMALL = TuningConfig(
     roads=("dry_asphalt", "wet_asphalt"),

@@ -1,0 +1,100 @@
+"""The automaton of the five-phase algorithm: thresholds on the wheel acceleration offset x2.
+
+| phase | leaves when |
+|---|---|
+| 0 driver braking | x2 <= -(eps0 + eps0_growth R w) -> 1 |
+| 1 release | x2 >= eps1 -> 2; after longest_release -> 4 |
+| 2 hold | x2 >= eps2 -> 3; x2 falls back through fallback eps1 -> 4 |
+| 3 fast apply | x2 <= eps3 -> 4 |
+| 4 slow apply | x2 <= -eps4 -> 5 |
+| 5 hold | x2 <= -eps5 -> 1; x2 rises back through -fallback eps4 -> 4 |
+
+Ours, and not met in the published stops (`ways_back` off: the automaton as published):
+
+* the growth of eps0, 0 as published: on the stable branch a pedal of rate p' takes the wheel to x2 = -b p' v / (a mu'),
+  deeper the faster the car, before the road's peak is anywhere near;
+* the end of a release without x2 >= eps1, which no wheel reaches on ice: the brake would stay released;
+* the way back from the hold of phase 5, where the road has become better: the pressure would stay where it is.
+
+A threshold that is not beyond the one before leaves its phase no time: the five phases are five only if
+eps2 >= eps1 + 2, eps2 >= eps3 + 2 and eps5 >= eps4 + 2 m/s^2, the least that noise lets apart.
+Source: Pasillas-Lepine 2006; Hoang et al. 2014, Fig. 5; Aguado-Rojas 2019, Fig. 6.6.
+"""
+
+from typing import Any, ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from absjax.controllers.phases import by_phase, onset_threshold, while_pressed
+from absjax.parameters import model, parameter
+from absjax.signals import Signals
+
+Number = jax.Array | float
+TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
+
+
+class Entered(NamedTuple):
+    """What is kept of the last switching; scalars per lane."""
+
+    time: jax.Array
+    """s"""
+
+
+@model
+class AccelerationPhases:
+    """Thresholds eps0..eps5 on x2, and what follows which.
+
+    Raises:
+        ValueError: at construction, unless the thresholds are in order.
+    """
+
+    phases: ClassVar[tuple[str, ...]] = ("driver braking", "release", "hold", "fast apply", "slow apply", "hold")
+    slots: ClassVar[int] = 2
+    cycle_phase: ClassVar[int | None] = 1
+    """the phase whose entry counts a cycle"""
+    thresholds: ClassVar[tuple[str, ...]] = ("eps0", "eps1", "eps2", "eps3", "eps4", "eps5")
+    """the fields that are thresholds on a measured acceleration, which noise keeps from being small"""
+    ordered: ClassVar[tuple[tuple[str, str, float], ...]] = (
+        ("eps1", "eps2", 2.0),
+        ("eps3", "eps2", 2.0),
+        ("eps4", "eps5", 2.0),
+    )
+    """(lower, higher, by how much at least)"""
+
+    eps0: Number = parameter("eps0, deceleration that ends driver braking, m/s^2", default=50.0, **TUNED)
+    eps1: Number = parameter("eps1, acceleration that ends the release, m/s^2", default=30.0, **TUNED)
+    eps2: Number = parameter("eps2, acceleration that starts the fast apply, m/s^2", default=40.0, **TUNED)
+    eps3: Number = parameter("eps3, acceleration that ends the fast apply, m/s^2", default=20.0, **TUNED)
+    eps4: Number = parameter("eps4, deceleration that ends the slow apply, m/s^2", default=20.0, **TUNED)
+    eps5: Number = parameter("eps5, deceleration that starts the release, m/s^2", default=30.0, **TUNED)
+    eps0_growth: Number = parameter(
+        "by which eps0 grows with the rim's speed, 1/s", default=0.0, low=0.0, trainable=True
+    )
+    fallback: Number = parameter("share of a threshold at which it is left again", default=0.9, low=0.0, high=0.999)
+    longest_release: Number = parameter("longest release, s", default=0.5, low=0.0, open_low=True)
+    ways_back: bool = True
+    """whether there is a way out of a release that lasts and of a hold the wheel recovers in; False as published"""
+
+    def at(self, signals: Signals) -> Any:
+        """Entered here and now."""
+        return Entered(signals.time)
+
+    def guards(self, signals: Signals, kept, mode):
+        """Slot 0: the threshold that leads on; slot 1: the other way out of a release and of the holds."""
+        x2 = signals.acceleration_offset
+        rising = (mode == 1) | (mode == 2)
+        first = onset_threshold(self.eps0, self.eps0_growth, signals)
+        threshold = by_phase(mode, (-first, self.eps1, self.eps2, self.eps3, -self.eps4, -self.eps5))
+        onward = jnp.where(rising, x2 - threshold, threshold - x2)
+        overdue = signals.time - kept.time - self.longest_release
+        fallen, recovered = self.fallback * self.eps1 - x2, x2 + self.fallback * self.eps4
+        if not self.ways_back:
+            overdue = recovered = -1.0
+        back = by_phase(mode, (-1.0, overdue, fallen, -1.0, -1.0, recovered))
+        return jnp.where(mode == 0, while_pressed(onward, signals), onward), back
+
+    def switch(self, signals: Signals, kept, mode, slot):
+        """The phase that follows, entered now."""
+        onward = jnp.where(mode == 5, 1, mode + 1)
+        return self.at(signals), jnp.where(slot == 1, 4, onward)

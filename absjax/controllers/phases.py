@@ -1,0 +1,33 @@
+"""What the automata of controllers share."""
+
+import jax.numpy as jnp
+
+from absjax.signals import Signals
+
+OPEN_VALVE = 1e4
+"""Rate asked for by a controller that leaves the brake to the driver, bar/s: pedal or actuator set the pace."""
+SLOWEST_RIM = 0.5
+"""Speed of the rim below which rates in bar m/s^2 are divided by this one, m/s: a locked wheel divides by nothing."""
+
+
+def by_phase(mode, values):
+    """The entry of `values` that belongs to phase `mode`."""
+    chosen = values[-1]
+    for phase, value in reversed(list(enumerate(values[:-1]))):
+        chosen = jnp.where(mode == phase, value, chosen)
+    return chosen
+
+
+def per_rim(strength, signals: Signals):
+    """dPb/dt [bar/s] of a strength u [bar m/s^2]: u / (R w)."""
+    return strength / jnp.maximum(signals.radius * signals.wheel_speed, SLOWEST_RIM)
+
+
+def onset_threshold(least, growth, signals: Signals):
+    """Deceleration that ends driver braking [m/s^2]: least + growth R w."""
+    return least + growth * signals.radius * signals.wheel_speed
+
+
+def while_pressed(guard, signals: Signals):
+    """A guard that control begins with: it fires only while the driver presses the pedal."""
+    return jnp.where(signals.pedal > 0.5, guard, -1.0)

@@ -1,0 +1,55 @@
+"""Continuous control of wheel slip to a set point.
+
+    x2* = -gamma (lambda - lambda*) + v' lambda,  v (R/J) dT/dt = -K (x2 - x2*),  T = -gamma_b Pb
+
+which leads to exactly lambda*, whatever the road, if K is large enough. It has to know vehicle speed and
+acceleration, and what slip to aim at.
+Source: Hoang 2014 (thesis), section 8.3.2.
+"""
+
+from typing import Any, ClassVar
+
+import jax.numpy as jnp
+
+from absjax.controllers.driver_braking import DriverBraking
+from absjax.controllers.phases import OPEN_VALVE
+from absjax.parameters import model, parameter, part
+from absjax.plant.wheel import Wheel
+from absjax.signals import Signals
+
+
+@model
+class SlipControl(DriverBraking):
+    """Continuous feedback on wheel slip and the wheel acceleration offset."""
+
+    phases: ClassVar[tuple[str, ...]] = ("driver braking", "control")
+    slots: ClassVar[int] = 1
+    cycle_phase: ClassVar[int | None] = None
+    """it does not cycle"""
+    thresholds: ClassVar[tuple[str, ...]] = ("eps0",)
+    """the fields that noise of the measured acceleration keeps from being small"""
+
+    wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
+    slip: Any = parameter("lambda*, set point", default=-0.16, low=-1.0, high=0.0, trainable=True)
+    pull: Any = parameter("gamma, from slip to acceleration, m/s^2", default=200.0, low=0.0, trainable=True)
+    gain: Any = parameter("K, on acceleration, m/s^2", default=500.0, low=0.0, open_low=True, trainable=True)
+
+    def at(self, signals: Signals) -> tuple[()]:
+        """Nothing is kept."""
+        return ()
+
+    def rate(self, signals: Signals, kept, mode):
+        """Commanded dPb/dt [bar/s]."""
+        speed = signals.vehicle_speed
+        slip = self.wheel.slip(signals.wheel_speed, speed)
+        target = signals.vehicle_acceleration * slip - self.pull * (slip - self.slip)
+        follow = self.gain * (signals.acceleration_offset - target) / (speed * self.wheel.pressure_gain)
+        return jnp.where(mode == 0, OPEN_VALVE, follow)
+
+    def guards(self, signals: Signals, kept, mode):
+        """The end of driver braking."""
+        return (jnp.where(mode == 0, self.driver_guard(signals), -1.0),)
+
+    def switch(self, signals: Signals, kept, mode, slot):
+        """Control after driver braking."""
+        return kept, jnp.ones_like(mode)

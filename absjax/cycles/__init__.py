@@ -1,1 +1,0 @@
-"""Limit cycles: in closed form for two phases on XBS, by rollout for any automaton."""

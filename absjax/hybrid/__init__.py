@@ -1,0 +1,1 @@
+"""Hybrid systems and the engine that rolls them out, differentiable through every switching."""

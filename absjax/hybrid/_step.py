@@ -1,0 +1,295 @@
+"""One iteration of a tile of lanes: the located-event scheme.
+
+Every iteration takes one Runge-Kutta step per lane, of a size that depends on what the lane is doing:
+
+* NORMAL: to the next grid point. If a guard has crossed on the way the step is rejected, and the lane
+  will land on the crossing instead.
+* LANDING, RELANDING, LAST_LANDING: to where the guard's Hermite interpolant is zero, only to see how far that misses;
+  the lane keeps its place, and the step is corrected by -g / g'. A landing that misses by more than
+  `LANDING_TOLERANCE` grid steps is tried again, twice at most.
+* CROSSING: over the corrected step, which ends on the guard, and the jump.
+* TOUCHING: the same for a guard that only grazes zero.
+* IMMEDIATE: the jump alone, of a guard that is open on entering a mode.
+
+Slope of the state, guards and guard rates at the lane's present point are kept in the lane: a step
+costs four evaluations of the flow, the guard test included.
+
+XLA's CPU backend fuses by repeating cheap arithmetic in every consumer. Decisions have many consumers,
+so they stand behind a `lax.cond`, which is never fused, and which a tile that is all NORMAL skips.
+"""
+
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+
+from absjax._numerics import rk4_step, safe_divide, tree_where
+from absjax.hybrid import _locate
+from absjax.hybrid._locate import Ends
+
+NORMAL, LANDING, RELANDING, LAST_LANDING, CROSSING, TOUCHING, IMMEDIATE = range(7)
+LANDING_TOLERANCE = 1e-5
+DIVERGED = -2
+"""Mode of a lane whose state has left the finite numbers; it keeps its last finite state."""
+
+
+class Grid(NamedTuple):
+    """The time grid: `start + index * step`."""
+
+    start: jax.Array
+    step: jax.Array
+    steps: jax.Array
+
+
+class Local(NamedTuple):
+    """What is known at the lanes' present points: d(state)/dt, guard values, guard rates."""
+
+    slope: Any
+    guards: tuple[jax.Array, ...]
+    rates: tuple[jax.Array, ...]
+
+
+class Lanes(NamedTuple):
+    """The lanes of a tile, arrays (lanes,). `index` grid points are behind, `left` seconds to the next."""
+
+    index: jax.Array
+    left: jax.Array
+    state: Any
+    mode: jax.Array
+    doing: jax.Array
+    landing: jax.Array
+    slot: jax.Array
+    events: jax.Array
+    grazes: jax.Array
+    local: Local
+
+
+class Tile:
+    """A system of scalars as functions of (lanes,) arrays; `axes` tells which leaves carry lanes."""
+
+    def __init__(self, system, axes):
+        self.system = system
+        self.axes = jax.tree.map(lambda axis: None if axis < 0 else 0, axes)
+        self.ticks = hasattr(system, "tick")
+
+    def _over(self, function, *arguments):
+        return jax.vmap(function, in_axes=(self.axes, *(0 for _ in arguments)))(self.system, *arguments)
+
+    def flow(self, time, state, mode):
+        return self._over(lambda s, t, x, m: s.flow(t, x, m), time, state, mode)
+
+    def guards(self, time, state, mode):
+        values = self._over(lambda s, t, x, m: s.guards(t, x, m), time, state, mode)
+        return tuple(value.astype(time.dtype) for value in values)
+
+    def jump(self, time, state, mode, slot):
+        return self._over(lambda s, t, x, m, i: s.jump(t, x, m, i), time, state, mode, slot)
+
+    def tick(self, time, state, mode):
+        return self._over(lambda s, t, x, m: s.tick(t, x, m), time, state, mode)
+
+    def ticking(self, lanes: Lanes):
+        return (lanes.doing == NORMAL) & ((lanes.index + 1) % self.system.tick_every == 0)
+
+    def local(self, time, state, mode) -> Local:
+        """Slope, guards and guard rates; the rates are d(guard)/dt along the flow."""
+        slope = self.flow(time, state, mode)
+        motion = jax.tree.map(lambda x, d: jnp.zeros_like(x) if d is None else d, state, slope)
+        guards, rates = jax.jvp(lambda t, x: self.guards(t, x, mode), (time, state), (jnp.ones_like(time), motion))
+        return Local(slope, guards, rates)
+
+
+def pick(values: tuple[jax.Array, ...], slot):
+    picked = values[0]
+    for i, value in enumerate(values[1:], start=1):
+        picked = jnp.where(slot == i, value, picked)
+    return picked
+
+
+def _first_open(guards: tuple[jax.Array, ...]):
+    slot = jnp.zeros(guards[0].shape, jnp.int32)
+    found = guards[0] >= 0
+    for i, guard in enumerate(guards[1:], start=1):
+        slot = jnp.where((guard >= 0) & ~found, i, slot)
+        found = found | (guard >= 0)
+    return found, slot
+
+
+def enter(tile: Tile, grid: Grid, state, mode) -> Lanes:
+    """The lanes at the start of the grid."""
+    zero = jnp.zeros_like(mode)
+    clock = jnp.broadcast_to(grid.start, mode.shape)
+    here = tile.local(clock, state, mode)
+    opened, slot = _first_open(here.guards) if here.guards else (zero > 0, zero)
+    doing = jnp.where(opened, IMMEDIATE, NORMAL).astype(jnp.int32)
+    left = jnp.broadcast_to(grid.step, mode.shape)
+    return Lanes(zero, left, state, mode, doing, jnp.zeros_like(left), slot, zero, zero, here)
+
+
+def is_active(grid: Grid, lanes: Lanes):
+    """Whether a lane has somewhere to go."""
+    return (lanes.index < grid.steps) & (lanes.mode >= 0)
+
+
+def time_of(grid: Grid, lanes: Lanes):
+    """Present time, from the integer index, never accumulated."""
+    return grid.start + (lanes.index + 1) * grid.step - lanes.left
+
+
+def step_of(lanes: Lanes, held):
+    """Size of the step `Lanes.doing` asks for; lanes that are `held` stay where they are."""
+    step = jnp.where(lanes.doing == NORMAL, lanes.left, jnp.where(lanes.doing == IMMEDIATE, 0.0, lanes.landing))
+    return jnp.where(held, 0.0, step)
+
+
+def _move(tile: Tile, grid: Grid, lanes: Lanes, step):
+    """State and mode after the step and its jump; the same after the tick, where one is due."""
+    time = time_of(grid, lanes)
+    state = rk4_step(lambda t, x: tile.flow(t, x, lanes.mode), time, lanes.state, step, lanes.local.slope)
+    mode = lanes.mode
+    if lanes.local.guards:
+        jumping = lanes.doing >= CROSSING
+        after, next_mode = tile.jump(time + step, state, mode, lanes.slot)
+        state = tree_where(jumping, after, state)
+        mode = jnp.where(jumping, next_mode, mode).astype(jnp.int32)
+    if not tile.ticks:
+        return (state, mode), (state, mode)
+    ticking = tile.ticking(lanes)
+    after, next_mode = tile.tick(time + step, state, mode)
+    ticked = tree_where(ticking, after, state), jnp.where(ticking, next_mode, mode).astype(jnp.int32)
+    return (state, mode), ticked
+
+
+class Decision(NamedTuple):
+    """What becomes of a step, and what the lane does next."""
+
+    kept: jax.Array
+    """the lane keeps its place: rejected, landing, idle or diverged"""
+    doing: jax.Array
+    slot: jax.Array
+    landing: jax.Array
+    grazed: jax.Array
+
+
+def _decide(grid: Grid, lanes: Lanes, held, there: Local, opened_by, step) -> Decision:
+    """The decision when some lane of the tile may have crossed, lands, or jumps."""
+    normal = lanes.doing == NORMAL
+    crossed, target = lax.cond(
+        jnp.any(_humps_possible(lanes, there, step, normal) & ~held),
+        partial(_crossing, humps=True),
+        partial(_crossing, humps=False),
+        *(lanes, there, step, normal),
+    )
+    crossed = crossed & (lanes.doing <= LANDING) & ~held
+    rejected, target, fraction, grazing = lax.cond(
+        jnp.any(crossed),
+        _land,
+        lambda lanes, there, step, target, crossed: (crossed, target, step, crossed),
+        *(lanes, there, step, target, crossed),
+    )
+    trying = (lanes.doing >= LANDING) & (lanes.doing <= LAST_LANDING)
+    miss, closing = pick(there.guards, lanes.slot), pick(there.rates, lanes.slot)
+    sound = (closing > 0) & (jnp.abs(miss) <= closing * grid.step)
+    again = (lanes.doing < LAST_LANDING) & (jnp.abs(miss) > LANDING_TOLERANCE * grid.step * closing)
+    corrected = jnp.clip(lanes.landing - safe_divide(miss, closing, sound), 0.0, lanes.left)
+    landed = jnp.where(sound, jnp.where(again, lanes.doing + 1, CROSSING), TOUCHING)
+    opened, open_slot = _first_open(opened_by)
+    doing = jnp.where(trying, landed, jnp.where(opened, IMMEDIATE, NORMAL))
+    slot = jnp.where(trying, lanes.slot, open_slot)
+    return Decision(
+        kept=held | rejected | trying,
+        doing=jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), doing).astype(jnp.int32),
+        slot=jnp.where(rejected, target, slot).astype(jnp.int32),
+        landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, lanes.landing)),
+        grazed=jnp.where(rejected, grazing, trying & ~sound),
+    )
+
+
+def _humps_possible(lanes: Lanes, there: Local, step, normal):
+    """Whether a guard may have risen above zero and fallen back within the step."""
+    possible = step < -jnp.inf
+    for i in range(len(there.guards)):
+        ends = _ends(lanes, there, step, i)
+        candidate = normal | ((lanes.doing == LANDING) & (lanes.slot != i))
+        possible = possible | (_locate.may_cross(ends) & (ends.g1 < 0) & candidate)
+    return possible
+
+
+def _crossing(lanes: Lanes, there: Local, step, normal, humps: bool):
+    """Whether a guard crossed in the step just taken, and the slot that did first."""
+    target = jnp.zeros_like(lanes.slot)
+    best = jnp.full_like(step, 2.0)
+    found = step < -jnp.inf
+    for i in range(len(there.guards)):
+        crosses, _, start = _locate.detect(_ends(lanes, there, step, i), humps)
+        crosses = crosses & (normal | (lanes.slot != i))
+        start = jnp.where(crosses, start, 2.0)
+        found = found | crosses
+        target = jnp.where(start < best, i, target)
+        best = jnp.minimum(start, best)
+    return found, target
+
+
+def _land(lanes: Lanes, there: Local, step, target, crossed):
+    """Crossed, target, the fraction of the step at which its guard crossed, and whether it grazes."""
+    all_ends = [_ends(lanes, there, step, i) for i in range(len(there.guards))]
+    ends = jax.tree.map(lambda *values: pick(values, target), *all_ends)
+    _, last, start = _locate.detect(ends, humps=True)
+    return crossed, target, *_locate.refine(ends, last, start)
+
+
+def _finite(tree):
+    """Whether every number of a lane is finite; of an array its sum counts."""
+    leaves = jax.tree.leaves(tree)
+    return jnp.isfinite(sum(leaf if leaf.ndim == 1 else leaf.sum(axis=range(1, leaf.ndim)) for leaf in leaves))
+
+
+def _ends(lanes: Lanes, there: Local, step, i: int) -> Ends:
+    return Ends(lanes.local.guards[i], step * lanes.local.rates[i], there.guards[i], step * there.rates[i])
+
+
+def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
+    """One iteration. Returns the lanes, and which of them have kept their place."""
+    active = is_active(grid, lanes)
+    step = step_of(lanes, ~active)
+    (reached, reached_mode), (state, mode) = _move(tile, grid, lanes, step)
+    time = time_of(grid, lanes) + step
+    here = there = tile.local(time, state, mode)
+    if tile.ticks and here.guards:
+        there = tile.local(time, reached, reached_mode)
+    finite = _finite((state, here.slope))
+    held = ~(active & finite)
+    if here.guards:
+        busy = lanes.doing != NORMAL
+        for i in range(len(here.guards)):
+            busy = busy | _locate.may_cross(_ends(lanes, there, step, i)) | (here.guards[i] >= 0)
+
+        def calm(grid, lanes, held, *_):
+            return Decision(held, lanes.doing, lanes.slot, lanes.landing, held & ~held)
+
+        decision = lax.cond(jnp.any(busy), _decide, calm, grid, lanes, held, there, here.guards, step)
+    else:
+        decision = Decision(held, lanes.doing, lanes.slot, lanes.landing, held & ~held)
+    kept = decision.kept
+    accepted = (lanes.doing == NORMAL) & ~kept
+    failed = active & ~finite
+    before, after = (lanes.state, lanes.local), (state, here)
+    if here.guards:
+        state, local = tree_where(kept, before, after)
+    else:
+        state, local = lax.cond(jnp.any(kept), tree_where, lambda kept, old, new: new, kept, before, after)
+    following = Lanes(
+        index=lanes.index + accepted,
+        left=jnp.where(accepted, grid.step, jnp.where(kept, lanes.left, lanes.left - step)),
+        state=state,
+        mode=jnp.where(kept, jnp.where(failed, DIVERGED, lanes.mode), mode),
+        doing=jnp.where(active, decision.doing, lanes.doing),
+        landing=decision.landing,
+        slot=decision.slot,
+        events=lanes.events + (~kept & (lanes.doing >= CROSSING)),
+        grazes=lanes.grazes + (active & decision.grazed),
+        local=local,
+    )
+    return following, kept

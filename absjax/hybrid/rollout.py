@@ -1,0 +1,230 @@
+"""The rollout engine: a hybrid system through one `jax.lax.scan`, differentiable through its switchings.
+
+Lanes run at their own pace (`absjax.hybrid._step`), in a scan with a derivative rule of its own
+(`absjax.hybrid._scan`, `absjax.hybrid._tangent`), in tiles shared out over devices (`absjax.hybrid._tiles`).
+"""
+
+import enum
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from absjax.hybrid import _step
+from absjax.hybrid._scan import Plan, run_tile
+from absjax.hybrid._step import DIVERGED, Grid
+from absjax.hybrid._tiles import over_tiles
+from absjax.hybrid.recording import SwitchLog, Trajectory, collect
+from absjax.hybrid.system import HybridSystem
+from absjax.parameters import concrete, lane_axes
+
+SEGMENT = 64
+"""Iterations of the scan between two looks whether any lane is still under way."""
+TILE = 256
+"""Most lanes that run as one batch; larger ensembles are cut into tiles."""
+SMALLEST_TILE = 32
+"""An ensemble is spread over devices as long as tiles stay this large."""
+RECORD_BYTES = 2**28
+"""Above this size of the record of all lanes, `checkpoint=None` recomputes segments instead."""
+
+
+class Status(enum.IntEnum):
+    """How a lane ended."""
+
+    COMPLETED = 0
+    """It reached the end of the grid."""
+    FINISHED = 1
+    """A jump ended the manoeuvre."""
+    BUDGET_EXHAUSTED = 2
+    """It was still under way when the scan ended: more switchings than `max_events` allows for."""
+    DIVERGED = 3
+    """Its state left the finite numbers; it keeps the last finite state."""
+
+
+class RolloutError(RuntimeError):
+    """A lane did not end as it should."""
+
+
+class Rollout(NamedTuple):
+    """Result of a rollout. Every array has a leading axis of lanes unless the system had none.
+
+    Attributes:
+        time: time at the end [s]; differentiable where a jump ended the lane.
+        state, mode: at the end.
+        status: a `Status` code.
+        events: switchings made.
+        grazes: switchings whose guard only touched zero: no derivative of the instant is taken there.
+        trajectory: grid points, if asked for.
+        switches: log of the switchings, if asked for.
+    """
+
+    time: jax.Array
+    state: Any
+    mode: jax.Array
+    status: jax.Array
+    events: jax.Array
+    grazes: jax.Array
+    trajectory: Trajectory | None
+    switches: SwitchLog | None
+
+    def raise_if_failed(self) -> "Rollout":
+        """Return self.
+
+        Raises:
+            RolloutError: if a lane ran out of its event budget or diverged; names lanes and reason.
+        """
+        status = np.atleast_1d(np.asarray(self.status))
+        for code in (Status.DIVERGED, Status.BUDGET_EXHAUSTED):
+            lanes = np.flatnonzero(status == code)
+            if lanes.size:
+                raise RolloutError(f"{lanes.size} of {status.size} lanes {code.name}, the first is lane {lanes[0]}")
+        return self
+
+
+def _lane_count(axes, tree, what: str, lanes: int | None) -> int | None:
+    for (path, leaf), axis in zip(jax.tree_util.tree_leaves_with_path(tree), jax.tree.leaves(axes)):
+        if axis < 0:
+            continue
+        size = jnp.shape(leaf)[0]
+        if lanes is not None and size != lanes:
+            name = what + jax.tree_util.keystr(path)
+            raise ValueError(f"{name} has {size} lanes, others have {lanes}; all ensembles must have one size")
+        lanes = size
+    return lanes
+
+
+def _as_float(dtype):
+    def cast(leaf):
+        return leaf if jnp.issubdtype(jnp.result_type(leaf), jnp.integer) else jnp.asarray(leaf, dtype)
+
+    return cast
+
+
+def rollout(
+    system: HybridSystem,
+    state: Any,
+    mode: Any = 0,
+    *,
+    step: float,
+    steps: int,
+    start: float = 0.0,
+    max_events: int = 200,
+    save_every: int = 0,
+    save_switches: bool = False,
+    checkpoint: bool | None = None,
+    tile: int | None = None,
+) -> Rollout:
+    """Roll a hybrid system out over `steps` grid steps, every switching located inside its step.
+
+    One lane or an ensemble: wherever `system`, `state` or `mode` has a leaf with one leading axis more
+    than a single lane needs, that axis counts lanes (`absjax.parameters.lane_axes`); other leaves are
+    shared. Lanes run in tiles, the tiles spread over all local devices. Differentiable in forward and
+    reverse mode with respect to system and state, not to `step` and `start`; dtype follows `state`.
+
+    Args:
+        system: see `absjax.hybrid.system.HybridSystem`.
+        state: pytree of float scalars at `start`, or of (lanes,) arrays.
+        mode: int at `start`, or a (lanes,) array.
+        step: grid step [s], > 0.
+        steps: number of grid steps.
+        start: time of the first grid point [s].
+        max_events: switchings a lane may make; more end it with `Status.BUDGET_EXHAUSTED`.
+        save_every: keep every so many grid points in `trajectory`; 0 keeps none.
+        save_switches: keep the log of the switchings.
+        checkpoint: recompute segments in the reverse pass instead of keeping the record of their
+            steps. None decides by the size of that record.
+        tile: lanes per batch. Lanes that run long together belong together: a tile ends with its last lane.
+            None decides by the number of lanes and devices.
+
+    Returns:
+        A `Rollout`; without lanes its arrays are scalars.
+
+    Raises:
+        ValueError: if `steps`, `step`, `max_events`, `save_every` or `tile` is not admissible, or
+            two ensembles differ in size.
+        TypeError: if a derivative with respect to `step` or `start` is asked for.
+    """
+    least_of = {
+        "steps": (steps, 1),
+        "max_events": (max_events, 0),
+        "save_every": (save_every, 0),
+        "tile": (tile or 1, 1),
+    }
+    for name, (value, least) in least_of.items():
+        if int(value) != value or value < least:
+            raise ValueError(f"{name} = {value} must be an integer >= {least}")
+    if concrete(step) and not 0 < float(step) < np.inf:
+        raise ValueError(f"step = {step} must be a positive number of seconds")
+    if concrete(step) and hasattr(system, "require_step"):
+        system.require_step(float(step))
+    if save_every > steps:
+        raise ValueError(f"save_every = {save_every} exceeds steps = {steps}")
+    # Types are settled here, weak ones too, so that equal shapes never compile twice.
+    dtype = jnp.result_type(*(jnp.asarray(leaf).dtype for leaf in jax.tree.leaves(state)), jnp.float32)
+    cast = _as_float(dtype)
+    system, state = jax.tree.map(cast, system), jax.tree.map(cast, state)
+    grid = Grid(jnp.asarray(start, dtype), jnp.asarray(step, dtype), jnp.asarray(steps, jnp.int32))
+    mode = jnp.asarray(mode, jnp.int32)
+    return _rollout(
+        system, state, mode, grid, int(steps), int(max_events), int(save_every), save_switches, checkpoint, tile
+    )
+
+
+@partial(jax.jit, static_argnums=(4, 5, 6, 7, 8, 9))
+def _rollout(system, state, mode, grid, steps, max_events, save_every, save_switches, checkpoint, tile):
+    axes = lane_axes(system)
+    lanes = _lane_count(axes, system, "system", None)
+    lanes = _lane_count(lane_axes(state), state, "state", lanes)
+    lanes = _lane_count(lane_axes(mode), mode, "mode", lanes)
+    single = lanes is None
+    lanes = 1 if single else lanes
+
+    # Scalars shared by all lanes are spread over them: their derivatives then add up lane by lane,
+    # and are summed once.
+    def spread(leaf, shared):
+        return jnp.broadcast_to(leaf, (lanes, *jnp.shape(leaf))) if shared else leaf
+
+    shared = jax.tree.map(lambda leaf: jnp.ndim(leaf) == 0, system)
+    axes = jax.tree.map(lambda axis, scalar: 0 if scalar else axis, axes, shared)
+    system = jax.tree.map(spread, system, shared)
+    state, mode = jax.tree.map(lambda leaf, axis: spread(leaf, axis < 0), (state, mode), lane_axes((state, mode)))
+
+    smooth = not jax.eval_shape(lambda: _one_lane_guards(system, axes, state, grid))
+    iterations = steps if smooth else steps + 5 * max_events
+    length = min(SEGMENT, iterations)
+    segments = -(-iterations // length)
+    words = sum(leaf.size for leaf in jax.tree.leaves(state)) // lanes + 4
+    if checkpoint is None:
+        checkpoint = lanes * iterations * words * grid.step.dtype.itemsize > RECORD_BYTES
+    plan = Plan(segments, length, bool(save_every or save_switches), bool(checkpoint))
+
+    def roll(system, state, mode):
+        final, records = run_tile(system, state, mode, grid, axes, plan)
+        kept = (None, None)
+        if plan.save:
+            gather = partial(collect, grid, steps, save_every=save_every, max_logged=max_events * save_switches)
+            kept = jax.vmap(lambda x, m, lane, r: gather(start=(x, m), lane=lane, records=r), in_axes=(0, 0, 0, 1))(
+                state, mode, final, records
+            )
+        status = jnp.where(
+            final.mode == DIVERGED,
+            Status.DIVERGED,
+            jnp.where(
+                final.mode < 0,
+                Status.FINISHED,
+                jnp.where(final.index >= steps, Status.COMPLETED, Status.BUDGET_EXHAUSTED),
+            ),
+        ).astype(jnp.int32)
+        time = _step.time_of(grid, final)
+        return Rollout(time, final.state, final.mode, status, final.events, final.grazes, *kept)
+
+    tile = tile or min(TILE, max(SMALLEST_TILE, -(-lanes // len(jax.local_devices()))))
+    result = over_tiles(roll, axes, lanes, tile)(system, state, mode)
+    return jax.tree.map(lambda leaf: leaf[0], result) if single else result
+
+
+def _one_lane_guards(system, axes, state, grid):
+    first = jax.tree.map(lambda leaf, axis: leaf if axis < 0 else leaf[0], system, axes)
+    return first.guards(grid.start, jax.tree.map(lambda leaf: leaf[0], state), jnp.int32(0))

@@ -1,0 +1,154 @@
+"""A stop: from a speed and the first touch of the pedal down to the stop speed, and how good it was."""
+
+import enum
+import math
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from absjax._numerics import safe_divide
+from absjax.hybrid.rollout import Rollout, Status, rollout
+from absjax.hybrid.system import UNDEFINED
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.sampled_loop import SampledLoop
+from absjax.parameters import concrete
+from absjax.plant.wheel import GRAVITY
+
+
+class Outcome(enum.IntEnum):
+    """How a stop ended."""
+
+    STOPPED = 0
+    """At the stop speed."""
+    STILL_MOVING = 1
+    """The horizon was too short."""
+    BUDGET_EXHAUSTED = 2
+    """More switchings than `max_events`."""
+    DIVERGED = 3
+    """The state left the finite numbers."""
+    CONTROL_UNDEFINED = 4
+    """The controller came to where its law is not defined; distances are those up to there."""
+
+
+class Stop(NamedTuple):
+    """Result of a stop; arrays (lanes,), or scalars without lanes. Compare with `absjax.loop.ideal.ideal_distance`.
+
+    Attributes:
+        distance: travelled from the first touch of the pedal to the stop speed [m].
+        duration: time that took [s].
+        mean_friction: mean deceleration over g from the controller's first switching on, over time.
+        published_quantity: v0^2 / (2 g mean friction) [m], as published distances are computed (Aguado-Rojas 2019,
+            Table 4.1). What is lost before the first switching does not count in it.
+        onset_time: of the first switching, from the first touch of the pedal [s]; 0 without one.
+        onset_speed: vehicle speed then [m/s].
+        cycles: cycles of the controller.
+        longest_cycle: longest time between the starts of two cycles, or from the last one to the end [s]:
+            a controller that sticks in a phase shows here. Differentiable. 0 for one that does not cycle.
+        lock_time: how long the wheel was locked above 15 km/h, and above 2.5 km/h [s]. Differentiable.
+        longest_lock: longest lock above 15 km/h, and above 2.5 km/h [s]. Differentiable.
+        locks: how often the wheel locked.
+        outcome: an `Outcome` code.
+        rollout: the rollout behind it.
+    """
+
+    distance: jax.Array
+    duration: jax.Array
+    mean_friction: jax.Array
+    published_quantity: jax.Array
+    onset_time: jax.Array
+    onset_speed: jax.Array
+    cycles: jax.Array
+    longest_cycle: jax.Array
+    lock_time: tuple[jax.Array, jax.Array]
+    longest_lock: tuple[jax.Array, jax.Array]
+    locks: jax.Array
+    outcome: jax.Array
+    rollout: Rollout
+
+
+def stop(
+    loop: ClosedLoop | SampledLoop,
+    speed: Any,
+    *,
+    horizon: float,
+    step: float = 2e-3,
+    max_events: int = 400,
+    save_every: int = 0,
+    save_switches: bool = False,
+    checkpoint: bool | None = None,
+    tile: int | None = None,
+) -> Stop:
+    """Brake from `speed` to the loop's stop speed.
+
+    Args:
+        loop: the closed loop; its `stop_speed` must be set. Leaves with a leading axis make an ensemble.
+        speed: initial speed [m/s], scalar or (lanes,).
+        horizon: longest time allowed [s].
+        step, max_events, save_every, save_switches, checkpoint, tile: see `absjax.hybrid.rollout.rollout`.
+
+    Returns:
+        A `Stop`, differentiable with respect to loop and speed.
+
+    Raises:
+        ValueError: if the loop has no stop speed, `speed` is not above it, or `horizon` is not positive.
+    """
+    base = loop.loop if isinstance(loop, SampledLoop) else loop
+    if base.stop_speed is None:
+        raise ValueError("ClosedLoop.stop_speed is None; a stop needs a speed at which it ends")
+    if not 0 < horizon < math.inf:
+        raise ValueError(f"horizon = {horizon} must be a positive number of seconds")
+    if concrete(speed) and concrete(base.stop_speed):
+        if not np.all(np.isfinite(speed) & (np.asarray(speed) > np.asarray(base.stop_speed))):
+            raise ValueError(f"speed = {speed} must be finite and above the stop speed {base.stop_speed} m/s")
+    speed = jnp.asarray(speed, jnp.result_type(float) if not hasattr(speed, "dtype") else speed.dtype)
+    result = rollout(
+        loop,
+        loop.at(speed),
+        step=step,
+        steps=math.ceil(horizon / step - 1e-9),
+        max_events=max_events,
+        save_every=save_every,
+        save_switches=save_switches,
+        checkpoint=checkpoint,
+        tile=tile,
+    )
+    return _assess(base, speed, result)
+
+
+def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
+    state = result.state.loop if hasattr(result.state, "loop") else result.state
+    memory, plant = state.memory, state.plant
+    end_speed = loop.plant.speed_of(result.time, plant)
+    locks = loop.locks(result.time, state, result.mode)
+    active = result.time - memory.onset_time
+    mean_friction = safe_divide(memory.onset_speed - end_speed, GRAVITY * active, active > 0)
+    outcome = jnp.select(
+        [
+            result.mode == UNDEFINED,
+            result.status == Status.FINISHED,
+            result.status == Status.COMPLETED,
+            result.status == Status.DIVERGED,
+        ],
+        [Outcome.CONTROL_UNDEFINED, Outcome.STOPPED, Outcome.STILL_MOVING, Outcome.DIVERGED],
+        Outcome.BUDGET_EXHAUSTED,
+    )
+    longest = jnp.maximum(memory.longest_cycle, result.time - jnp.maximum(memory.cycle_time, memory.pedal_time))
+    if loop.controller.cycle_phase is None:
+        longest = 0.0 * longest
+    return Stop(
+        distance=loop.plant.position(result.time, plant) - memory.pedal_position,
+        duration=result.time - memory.pedal_time,
+        mean_friction=mean_friction,
+        published_quantity=safe_divide(speed**2, 2 * GRAVITY * mean_friction, mean_friction > 0, jnp.inf),
+        onset_time=jnp.maximum(memory.onset_time - memory.pedal_time, 0.0),
+        onset_speed=memory.onset_speed,
+        cycles=memory.cycles,
+        longest_cycle=longest,
+        lock_time=locks.time,
+        longest_lock=locks.longest,
+        locks=locks.count,
+        outcome=outcome,
+        rollout=result,
+    )

@@ -1,0 +1,1 @@
+"""What is braked: wheels, roads, vehicles, and the brake actuator."""

@@ -1,0 +1,75 @@
+"""The brake actuator: from a commanded pressure rate to the pressure at the wheel.
+
+Each piece is optional, and absent when None:
+
+* rate limit: |dPb/dt| <= limit
+* pure delay, by its second-order Pade approximant (1 - s h/2 + s^2 h^2/12) / (1 + s h/2 + s^2 h^2/12)
+* first-order lag: tau Pb' = P - Pb
+
+What bounds the pressure is the driver's, see `absjax.loop.driver`.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from absjax.parameters import model, parameter
+
+
+class BrakeState(NamedTuple):
+    """State of the actuator; scalars per lane, None where a piece is absent."""
+
+    commanded: jax.Array
+    """integral of the commanded rate, bar"""
+    delay: tuple[jax.Array, jax.Array] | None
+    """the two states of the Pade approximant, in controllable form"""
+    lagged: jax.Array | None
+    """pressure behind the lag, bar"""
+
+
+@model
+class Brake:
+    """A brake actuator; without arguments an ideal one, whose pressure is the integral of the command."""
+
+    rate_limit: jax.Array | float | None = parameter("largest |dPb/dt|, bar/s", default=None, low=0.0, open_low=True)
+    lag: jax.Array | float | None = parameter("tau, first-order lag, s", default=None, low=0.0, open_low=True)
+    delay: jax.Array | float | None = parameter("h, pure delay, s", default=None, low=0.0, open_low=True)
+
+    def at(self, pressure: Any = 0.0) -> BrakeState:
+        """State of rest at `pressure` [bar]."""
+        zero = 0.0 * pressure
+        return BrakeState(
+            pressure,
+            None if self.delay is None else (pressure, zero),
+            None if self.lag is None else pressure,
+        )
+
+    def limit(self, rate):
+        """The commanded rate [bar/s] the actuator can follow."""
+        return rate if self.rate_limit is None else jnp.clip(rate, -self.rate_limit, self.rate_limit)
+
+    def flow(self, state: BrakeState, rate) -> BrakeState:
+        """d(state)/dt under the commanded rate [bar/s], already limited."""
+        delay = lagged = None
+        if self.delay is not None:
+            # x1' = x2, x2' = (12 (P - x1) - 6 h x2) / h^2: unit gain from P to x1.
+            level, slope = state.delay
+            delay = (slope, (12 * (state.commanded - level) - 6 * self.delay * slope) / self.delay**2)
+        if self.lag is not None:
+            lagged = (self._delayed(state, delay) - state.lagged) / self.lag
+        return BrakeState(rate, delay, lagged)
+
+    def _delayed(self, state: BrakeState, delay_flow):
+        if delay_flow is None:
+            return state.commanded
+        level, slope = state.delay
+        return level - 0.5 * self.delay * slope + self.delay**2 / 12 * delay_flow[1]
+
+    def pressure(self, state: BrakeState):
+        """Pressure at the wheel [bar]."""
+        if self.lag is not None:
+            return state.lagged
+        if self.delay is None:
+            return state.commanded
+        return self._delayed(state, self.flow(state, jnp.zeros_like(state.commanded)).delay)

@@ -1,0 +1,1 @@
+"""What a control unit measures instead of the truth."""

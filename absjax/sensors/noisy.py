@@ -1,0 +1,50 @@
+"""What a control unit measures instead of the truth.
+
+`NoisySensor` has noise on the acceleration offset, and a radius that is off:
+
+    y = (R^ / R) (x2 + v') - v' + sigma n(tick),  n white and normal
+
+with R^ the radius the unit takes the wheel to have. Reproducible: the noise of a sample is drawn from seed and time.
+"""
+
+from functools import partial
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+
+from absjax.parameters import model, parameter
+from absjax.signals import Signals
+
+CLOCK = 1e-6
+"""Instants closer than this get the same noise, s."""
+
+
+def _normal(seed, tick, dtype):
+    return jax.random.normal(jax.random.fold_in(jax.random.key(seed), tick), (), dtype)
+
+
+@model
+class NoisySensor:
+    """The true signals but for white noise and a wrong radius. It has no state."""
+
+    noise: Any = parameter("sigma, standard deviation of a sample of x2, m/s^2", default=0.0, low=0.0)
+    radius: Any = parameter("R^, m; None: the true one", default=None, low=0.0, open_low=True)
+    seed: Any = parameter("of the noise, an integer", default=0, low=0.0)
+
+    def at(self, signals: Signals) -> tuple[Signals, tuple[()]]:
+        """The signals as measured."""
+        return self.measure(signals, ())
+
+    def flow(self, state, signals: Signals) -> tuple[()]:
+        """Nothing."""
+        return ()
+
+    def measure(self, signals: Signals, state) -> tuple[Signals, tuple[()]]:
+        """The signals as measured."""
+        x2, brakes = signals.acceleration_offset, signals.vehicle_acceleration
+        known = signals.radius if self.radius is None else self.radius
+        tick = jnp.round(jnp.asarray(signals.time) / CLOCK).astype(jnp.int32)
+        noise = jnp.vectorize(partial(_normal, dtype=jnp.asarray(x2).dtype))(self.seed, tick)
+        offset = known / signals.radius * (x2 + brakes) - brakes + self.noise * noise
+        return signals._replace(acceleration_offset=offset, radius=known), state

@@ -1,0 +1,1 @@
+"""Tyre curves, one file each."""

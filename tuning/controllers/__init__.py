@@ -1,0 +1,1 @@
+"""Anti-lock controllers tuned, certified and judged."""

@@ -1,0 +1,76 @@
+"""The tunings of the demonstration, each from untuned values: under a given pedal, and what each limit costs."""
+
+import dataclasses
+from typing import Any
+
+import numpy as np
+
+from tuning.controllers.batch import build, judge
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.tune import CANDIDATES, WIDEST_SEARCH, TuningResult
+from tuning.core import search
+from tuning.core.search import Progress
+
+TUNED = ("eps0", "eps0_growth", "eps1", "eps2", "eps3", "eps4", "eps5", "u1", "u3", "u4", "fallback")
+
+
+def limited() -> TuningConfig:
+    """Five phases under 400 bar/s, 750 bar/s, a lag of 5 ms and thresholds of 10 m/s^2, from the default set."""
+    return TuningConfig(
+        start={"eps0_growth": 2.0},
+        tune=TUNED,
+        limits={"fallback": (0.3, 0.99), "u1": (1000.0, 40000.0)},
+        screened=128,
+        iterations=40,
+        refinements=40,
+    )
+
+
+WITHOUT_LIMITS: dict[str, Any] = {"rate_limit": None, "lag": None, "threshold_floor": 1.0}
+ONE_LIMIT: dict[str, dict[str, Any]] = {
+    "none": {},
+    "rate limit 750 bar/s": {"rate_limit": 750.0},
+    "lag 5 ms": {"lag": 0.005},
+    "thresholds >= 10 m/s²": {"threshold_floor": 10.0},
+}
+GENERATIONS = 30
+
+
+def limit_costs(result: TuningResult, progress: Progress) -> list[dict[str, Any]]:
+    """Tune under one limit at a time: what each costs by itself, and all together.
+
+    The searches, by evolution from the set found under all limits, are short, so that a cost is an upper bound.
+    """
+    rows, least = [], None
+    for i, (limit, change) in enumerate(ONE_LIMIT.items()):
+        config = dataclasses.replace(result.config, **{**WITHOUT_LIMITS, **change})
+        problem, box = build(config), config.box()
+        first = box.valid(box.point(result.parameters)[None])
+
+        def judged(points, problem=problem, box=box):
+            return judge(problem, {name: np.asarray(values) for name, values in box.values(points).items()})
+
+        best, _ = search.refine(
+            lambda points, judged=judged: judged(points).costs,
+            box,
+            first,
+            rounds=GENERATIONS,
+            count=CANDIDATES,
+            widest=WIDEST_SEARCH,
+            seed=config.seed,
+        )
+        excess = 100 * (judged(best[None]).stops.distance[:, 0] / problem.ideal - 1)
+        least = float(excess.mean()) if least is None else least
+        rows.append(_row(limit, excess, least))
+        progress(i + 1, len(ONE_LIMIT), float(excess.mean()))
+    excess = np.array([100 * (row.tuned.distance / row.ideal - 1) for row in result.rows if row.tuned.distance])
+    return [*rows, _row("all three", excess, least)]
+
+
+def _row(limit: str, excess: np.ndarray, least: float) -> dict[str, Any]:
+    return {
+        "limits": limit,
+        "mean of the rows [%]": f"{excess.mean():.2f}",
+        "worst row [%]": f"{excess.max():.2f}",
+        "costs at most, in the mean [%]": f"{excess.mean() - least:.2f}",
+    }

@@ -1,0 +1,109 @@
+"""Figures of a tuning result, written as PNG."""
+
+from pathlib import Path
+
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+
+from absjax.loop.stop import stop
+from absjax.plots import phase_plane
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.results import plot_stop
+from tuning.controllers.roads import name_of, surfaces_of
+from tuning.controllers.tune import TuningResult
+from tuning.core.figures import save
+
+HIGHEST = 20.0
+"""Of the bars, %."""
+
+
+def tuning_figures(result: TuningResult, folder: Path) -> list[Path]:
+    """Distances over ideal, descent of the starts, a stop, limit cycles before and after where roads are uniform."""
+    road, speed = result.config.roads[0], max(result.config.speeds_kmh)
+    files = [
+        save(_distances(result), folder / "distances.png"),
+        save(_history(result), folder / "history.png"),
+        save(plot_stop(result, road, speed), folder / "stop.png"),
+    ]
+    if result.config.uniform_roads:
+        files.append(save(_cycles(result), folder / "cycles.png"))
+    return files
+
+
+def _distances(result: TuningResult):
+    figure, grid = plt.subplots(2, 1, figsize=(11, 7.5), layout="constrained", sharex=True)
+    place, rows = np.arange(len(result.rows)), result.rows
+    labels = [f"{row.road.replace('_', ' ')}\n{row.speed_kmh:g} km/h" for row in rows]
+    _bars(grid[0], place, _excess(result, "distance", "ideal"))
+    grid[0].set(ylabel="from the pedal, above ideal [%]")
+    quantity = {"published": [_percent(row.published, row.published_ideal) for row in rows]}
+    _bars(grid[1], place, quantity | _excess(result, "published_quantity", "published_ideal"))
+    grid[1].set(ylabel="published quantity, above its ideal [%]")
+    for axes in grid:
+        axes.set(ylim=(0, HIGHEST))
+        axes.legend(fontsize="small", ncols=4)
+        axes.grid(axis="y", alpha=0.3)
+    grid[1].set_xticks(place, labels, rotation=60, fontsize=7)
+    return figure
+
+
+def _excess(result: TuningResult, figure: str, ideal: str) -> dict[str, list[float]]:
+    def of(stop_name: str) -> list[float]:
+        return [_percent(getattr(getattr(row, stop_name), figure), getattr(row, ideal)) for row in result.rows]
+
+    return {"untuned": of("untuned"), "tuned": of("tuned"), "tuned, sampled": of("sampled")}
+
+
+def _percent(value: float | None, ideal: float | None) -> float:
+    return np.nan if value is None or ideal is None else 100 * (value / ideal - 1)
+
+
+def _bars(axes, place: np.ndarray, series: dict[str, list[float]]) -> None:
+    """A bar a row and series, cut at the highest; none where there is nothing."""
+    width = 0.8 / len(series)
+    for i, (label, values) in enumerate(series.items()):
+        heights = np.minimum(np.nan_to_num(np.asarray(values, dtype=float)), HIGHEST)
+        axes.bar(place + width * (i - 0.5 * (len(series) - 1)), heights, width, label=label)
+
+
+def _history(result: TuningResult):
+    figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
+    axes.plot(np.asarray(result.history), lw=0.9)
+    lowest = float(np.nanmin(result.history))
+    axes.set(xlabel="iteration", ylabel=f"{result.config.objective} distance / {result.config.reference}")
+    axes.set_ylim(min(lowest, result.cost) - 0.003, lowest + 0.12)
+    axes.axhline(result.cost, color="k", ls=":", lw=0.9, label="after evolution, at the worse of both semantics")
+    axes.legend(fontsize="small")
+    axes.set_title(f"descent of {result.config.starts} starts, best {lowest:.4f}, chosen {result.cost:.4f}")
+    axes.grid(alpha=0.3)
+    return figure
+
+
+def _cycles(result: TuningResult):
+    roads = result.config.uniform_roads
+    figure, all_axes = plt.subplots(2, len(roads), figsize=(3.2 * len(roads), 6), squeeze=False, layout="constrained")
+    speed = max(result.config.speeds_kmh) / 3.6
+    for column, road in zip(all_axes.T, roads):
+        _cycle_pair(column, result.config, result, road, speed)
+    return figure
+
+
+def _cycle_pair(column, config: TuningConfig, result: TuningResult, road, speed: float) -> None:
+    (tyre,), _ = surfaces_of(road)
+    every = max(1, round(2e-3 / config.grid_step))
+    for axes, controller, when in zip(column, (config.base_controller(), result.controller), ("untuned", "tuned")):
+        loop = config.loop(controller, tyre)
+        stopped = stop(
+            loop,
+            jnp.asarray(speed),
+            horizon=3.0,
+            step=config.grid_step,
+            max_events=config.max_events,
+            save_every=every,
+        )
+        phase_plane(axes, loop, stopped.rollout.trajectory, color="C0" if when == "untuned" else "C1")
+        axes.axvline(-float(tyre.peak().slip), color="k", ls=":", lw=0.8)
+        axes.axhline(0, color="k", ls=":", lw=0.8)
+        axes.set_title(f"{name_of(road)}, {when}, first 3 s".replace("_", " "), fontsize=9)
+        axes.set(xlim=(-0.5, 0.01), ylim=(-120, 120))

@@ -1,0 +1,50 @@
+"""How long the phases of a controller last, from the switchings of stops."""
+
+import dataclasses
+from collections.abc import Mapping
+
+import numpy as np
+
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.stop import Stop, stop
+from tuning.controllers.batch import Problem
+from tuning.controllers.config import TuningConfig
+
+
+def phase_times(loop: ClosedLoop, stops: Stop) -> dict[int, np.ndarray]:
+    """Durations [s] of every visit to every phase but the driver's and the last; switchings must have been saved."""
+    log = stops.rollout.switches
+    times, sources, targets = (np.atleast_2d(np.asarray(x)) for x in log)
+    found: dict[int, list[float]] = {}
+    for time, source, target in zip(times, np.asarray(loop.phase(sources)), np.asarray(loop.phase(targets))):
+        entered, inside = 0.0, 0
+        for at, before, after in zip(time, source, target):
+            if before < 0:
+                break
+            if before == after:
+                continue
+            if inside:
+                found.setdefault(inside, []).append(at - entered)
+            entered, inside = at, int(after)
+    return {phase: np.array(values) for phase, values in sorted(found.items())}
+
+
+def short_phases(config: TuningConfig, problem: Problem, parameters: Mapping[str, float]) -> list[str]:
+    """A sentence for every phase of a set that lasts less than a tick of the control unit in the mean, located."""
+    loop = dataclasses.replace(problem.loop, controller=dataclasses.replace(problem.loop.controller, **parameters))
+    stops = stop(
+        loop,
+        problem.speed,
+        horizon=problem.horizon,
+        step=problem.step,
+        max_events=problem.max_events,
+        save_switches=True,
+    )
+    said = []
+    for phase, lasted in phase_times(loop, stops).items():
+        if phase > 0 and lasted.mean() < config.sampled_period:
+            said.append(
+                f"phase {phase} ({loop.controller.phases[phase]}) lasts {1e3 * lasted.mean():.2g} ms in the mean, "
+                f"less than a tick of {1e3 * config.sampled_period:g} ms"
+            )
+    return said

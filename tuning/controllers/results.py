@@ -1,0 +1,81 @@
+"""A tuned set as something to use: read back from `result.json`, and its stops drawn.
+
+controller = load_controller("result.json")
+plot_stop("result.json", "wet_asphalt", 120).savefig("stop.png")
+"""
+
+from pathlib import Path
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
+
+from absjax.controllers.base import Controller
+from absjax.loop.stop import stop
+from absjax.plots import stop_panels
+from tuning.controllers.batch import Row
+from tuning.controllers.roads import stacked
+from tuning.controllers.settings import LOCATED, Setting
+from tuning.controllers.tune import TuningResult
+from tuning.core.files import read_json
+
+
+def load_result(path: str | Path) -> TuningResult:
+    """What `tune-abs` wrote.
+
+    Raises:
+        ValueError: if there is no such file, or it is not a result of `tune-abs`.
+    """
+    data = read_json(Path(path))
+    if not isinstance(data, dict) or not {"parameters", "config", "rows"} <= set(data):
+        raise ValueError(f"{path} is not a result of tune-abs: parameters, config and rows are expected")
+    return TuningResult.from_json(data)
+
+
+def load_controller(path: str | Path) -> Controller:
+    """The tuned controller of a `result.json`.
+
+    Raises:
+        ValueError: as `load_result`.
+    """
+    return load_result(path).controller
+
+
+def plot_stop(
+    result: TuningResult | str | Path,
+    road: Any,
+    speed_kmh: float,
+    *,
+    setting: Setting = LOCATED,
+    untuned: bool = True,
+) -> Figure:
+    """Speeds, slip, pressure and phases of a stop of a result, beside that of the untuned set.
+
+    Args:
+        result: a result, or its file.
+        road: as in a configuration (`tuning.controllers.roads`), of the result's rows or not.
+        speed_kmh: initial speed [km/h].
+        setting: how the loop is run.
+        untuned: whether the untuned set is drawn too.
+    """
+    result = result if isinstance(result, TuningResult) else load_result(result)
+    config = result.config
+    sets = {"untuned": config.base_controller()} if untuned else {}
+    sets["tuned"] = result.controller
+    row = Row(road, float(speed_kmh), config.pedal_rate)
+    figure, grid = plt.subplots(
+        4, len(sets), figsize=(6.5 * len(sets), 9), sharex=True, sharey="row", squeeze=False, layout="constrained"
+    )
+    for axes, (name, controller) in zip(grid.T, sets.items()):
+        loop = config.loop(controller, jax.tree.map(lambda leaf: leaf[0], stacked([road])))
+        system, step = setting.applied(config, loop)
+        every = max(1, round(1e-3 / step))
+        horizon = 2 * row.longest_ideal + 1.0
+        stopped = stop(
+            system, jnp.asarray(row.speed), horizon=horizon, step=step, max_events=config.max_events, save_every=every
+        )
+        label = f"{row.name.replace('_', ' ')}, {speed_kmh:g} km/h, {name}: {float(stopped.distance):.2f} m"
+        stop_panels(axes, loop, stopped.rollout.trajectory, label)
+    return figure

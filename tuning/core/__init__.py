@@ -1,0 +1,1 @@
+"""What every task shares: problems and their fit, configurations, files, figures, reports."""

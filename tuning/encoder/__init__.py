@@ -1,0 +1,1 @@
+"""The chain from encoder edges to wheel speed, tuned and judged."""

@@ -1,0 +1,227 @@
+"""The encoder's commands: a log of edges, tuning of the chain, and the study."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from absjax.encoder.encoder import Encoder
+from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
+from absjax.loop.ideal import ideal_distance
+from tuning.core.figures import save
+from tuning.core.files import read_json, write_json
+from tuning.core.report import Report
+from tuning.core.search import Progress
+from tuning.encoder import figures
+from tuning.encoder.analysis import LogStudy, order_spectrum, study_log, tooth_errors
+from tuning.encoder.bench import (
+    PERIOD,
+    SIGNALS,
+    all_harmonics,
+    bench_of,
+    edge_chain,
+    filtered_chain,
+    measured_chain,
+    notch_chain,
+)
+from tuning.encoder.config import EncoderConfig
+from tuning.encoder.loop import HORIZON, SPEED, braking_loop, course, loop_row, sensors
+from tuning.encoder.study import (
+    TEETH,
+    encoder_rows,
+    endurance_cases,
+    endurance_rows,
+    stiffness_rows,
+    table_chains,
+    table_rows,
+)
+from tuning.encoder.tune import EncoderResult, cost_of, training_benches, tune_encoder
+from tuning.logs.brake_log import LogError
+from tuning.logs.edges import EdgeLog
+from tuning.observers.kinds import KINDS
+
+LOOP_EVENTS = 12
+LOOP_TOLERANCE, LOOP_ECCENTRICITY = 0.004, 2.5e-4
+"""Of the encoders in the loop, cycles and m; the source does not tell its own. At 0.16 mm 4 of 20 raw stops stick."""
+LOOP_TITLE = "dry concrete from 130 to 20 km/h; slip and x2 above 60 km/h"
+
+
+def study_edges(log: EdgeLog, out: Path, chain: WheelSpeedChain, period: float) -> Report:
+    """Wheel speed and acceleration from a log of edges, and the encoder's errors: tables, CSV, JSON, figures."""
+    study, errors = study_log(log, chain, period), tooth_errors(log)
+    if study.valid.sum() * period < 1.0:
+        raise LogError(f"{log.name}: {study.valid.sum() * period:.3g} s of valid samples, 1 s needed")
+    rows = []
+    orders = log.teeth // 2
+    for signal in SIGNALS:
+        before, after = (np.sqrt(0.5 * np.sum(order_spectrum(study, signal, c, orders) ** 2)) for c in (False, True))
+        rows.append(
+            {
+                "signal": signal,
+                "periodic part, measured": float(f"{before:.4g}"),
+                "compensated": float(f"{after:.4g}"),
+                "ratio": round(before / after, 2),
+            }
+        )
+    encoder = [
+        {
+            "edges": log.stamps.size,
+            "missing": errors.missing,
+            "revolutions": round(log.stamps.size / log.teeth, 1),
+            "e / r": float(f"{errors.eccentricity:.4g}"),
+            "teeth within [cycles]": float(f"{errors.tolerance:.4g}"),
+            "jitter [cycles]": float(f"{errors.jitter:.2g}"),
+        }
+    ]
+    tables = {"rms at multiples of the wheel's frequency [rad/s, rad/s^2]": rows, "the encoder": encoder}
+    result = {
+        "log": log.name,
+        "coefficients": {signal: values.tolist() for signal, values in study.coefficients.items()},
+        "tooth_errors": errors.mean.tolist(),
+        "tables": tables,
+    }
+    files = [
+        _write_signals(study, out / "wheel_speed.csv"),
+        write_json(out / "result.json", result),
+        save(figures.signals_figure(study), out / "signals.png"),
+        save(figures.spectrum_figure(study), out / "spectrum.png"),
+        save(figures.tooth_figure(errors), out / "teeth.png"),
+    ]
+    if study.coefficients:
+        files.append(save(figures.coefficients_figure(study), out / "coefficients.png"))
+    return Report(tables, [], files)
+
+
+def _write_signals(study: LogStudy, path: Path) -> Path:
+    columns = {
+        "time_s": study.time,
+        "wheel_speed_rad_s": study.speed,
+        "wheel_acceleration_rad_s2": study.acceleration,
+        "measured_wheel_speed_rad_s": study.measured.speed,
+        "measured_wheel_acceleration_rad_s2": study.measured.acceleration,
+        "valid": study.valid.astype(int),
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    pd.DataFrame(columns).to_csv(path, index=False, float_format="%.9g")
+    return path
+
+
+def chain_for(log: EdgeLog, events: int, harmonics: int | None, tuned: Path | None) -> WheelSpeedChain:
+    """The chain for a log: with regressors made of the edges, or as `tune-encoder` has left it.
+
+    Raises:
+        LogError: if the tuned chain is for another number of teeth, or the file is not a result of `tune-encoder`.
+    """
+    if tuned is None:
+        if not 3 <= events <= 10 * log.teeth:
+            raise LogError(f"events = {events} must lie between 3 and {10 * log.teeth}")
+        if harmonics is not None and not 1 <= harmonics <= all_harmonics(log.teeth):
+            raise LogError(f"harmonics = {harmonics} must lie between 1 and {all_harmonics(log.teeth)}")
+        return edge_chain(log.teeth, events, harmonics)
+    try:
+        result = EncoderResult.from_json(read_json(tuned))
+    except (KeyError, TypeError):
+        raise LogError(f"{tuned}: not a result of tune-encoder") from None
+    if result.config.teeth != log.teeth:
+        raise LogError(f"{tuned}: tuned for {result.config.teeth} teeth, the log is of {log.teeth}")
+    return result.chain()
+
+
+def tune(config: EncoderConfig, out: Path, progress: Progress = lambda i, n, cost: None) -> Report:
+    """Tune the chain, and judge it on encoders that were not tuned on."""
+    result = tune_encoder(config, progress=progress)
+    parameters = ", ".join(f"{name} {value:.4g}" for name, value in result.parameters.items())
+    measured = _measured_costs(config)
+    grid = [
+        {
+            "n": row["events"],
+            "M": row["harmonics"],
+            "ratio": round(float(np.exp(measured[row["events"]] - row["cost"])), 2),
+        }
+        for row in result.grid
+    ]
+    tables = {"held-out encoders [rad/s, rad/s^2]": result.held_out}
+    files = [
+        write_json(out / "result.json", result.to_json()),
+        write_json(out / "grid.json", {"rows": grid}),
+        save(figures.grid_figure(result.grid, measured), out / "events_and_harmonics.png"),
+        save(figures.descent_figure(result.history), out / "history.png"),
+    ]
+    lines = [f"n = {result.events}, M = {result.harmonics} of {len(result.grid)} pairs", f"parameters: {parameters}"]
+    return Report(tables, lines, files)
+
+
+def _measured_costs(config: EncoderConfig) -> dict[int, float]:
+    """Cost of the measured signals by number of events."""
+    benches = training_benches(config)
+    return {n: float(cost_of(benches, measured_chain(config.teeth, n))) for n in map(int, config.events)}
+
+
+def study(out: Path, encoders: int = 20, hours: float = 1.0) -> Iterator[Report]:
+    """The published table, other encoders, endurance, and the chain in the loop, one report each."""
+    tables: dict[str, Any] = {}
+
+    def report(title: str, rows, *files: Path) -> Report:
+        tables[title] = rows
+        return Report({title: rows}, [], list(files))
+
+    yield report("rms errors, 16 encoders; ratio to measured [rad/s, rad/s^2]", table_rows(), _convergence(out))
+    yield report("other encoders and clocks, 1020 rpm", encoder_rows())
+    yield report("endurance: rms of differences and errors [rad/s, rad/s^2]", endurance_rows(endurance_cases(hours)))
+    told = {"the truth": None, **sensors(loop_encoders(encoders), loop_chains())}
+    free = [loop_row(label, course(sensor, free=True), None) for label, sensor in told.items()]
+    yield report(f"{LOOP_TITLE}, pressure free as in the source", free)
+    courses = {label: course(sensor) for label, sensor in told.items()}
+    ideal = float(ideal_distance(braking_loop(), SPEED, horizon=HORIZON))
+    rows = [loop_row(label, found, ideal) for label, found in courses.items()]
+    shown = int(np.argsort(np.asarray(courses["as measured"].stop.longest_cycle))[-1])
+    yield report(
+        f"{LOOP_TITLE}, pedal 400 bar per s",
+        rows,
+        save(figures.cycles_figure(courses, shown), out / "cycles.png"),
+        save(figures.loop_figure(courses, shown), out / "stops.png"),
+    )
+    yield report("XBS in the loop, 4-state observer", stiffness_rows(observed_courses(told)))
+    yield Report({}, [], [write_json(out / "tables.json", tables)])
+
+
+def loop_encoders(count: int) -> Encoder:
+    """The encoders in the loop."""
+    return Encoder.random(range(count), TEETH, LOOP_TOLERANCE, LOOP_ECCENTRICITY)
+
+
+def loop_chains() -> dict[str, WheelSpeedChain]:
+    """What the controller may be told, by name."""
+    return {
+        "as measured": measured_chain(TEETH, LOOP_EVENTS),
+        "notch filter": notch_chain(TEETH, LOOP_EVENTS),
+        "RLS": filtered_chain(TEETH, LOOP_EVENTS, 6),
+        "RLS through the edges, 12 ms": edge_chain(TEETH, LOOP_EVENTS, 12, memory=0.012),
+    }
+
+
+def observed_courses(told: Mapping[str, Any]):
+    """The same stops with the 4-state observer of XBS in the loop."""
+    kind = KINDS["unknown_road"]
+    observer = kind.build(braking_loop().plant.wheel, kind.default)
+    return {label: course(sensor, observer, kind.substeps) for label, sensor in told.items()}
+
+
+def _convergence(out: Path) -> Path:
+    """Rms error over a tenth of a second against time since the first edge, mean over encoders."""
+    bench = bench_of(Encoder.random(range(16), TEETH), "constant", 10.0, 0.0)
+    width, errors = 100, {}
+    for label, chain in table_chains().items():
+        found, _ = estimate(chain, bench.edges, PERIOD)
+        errors[label] = tuple(
+            np.sqrt(
+                np.mean(
+                    np.square(np.asarray(getattr(found, s) - getattr(bench.truth, s))).reshape(16, -1, width), (0, 2)
+                )
+            )
+            for s in SIGNALS
+        )
+    time = PERIOD * width * (np.arange(len(errors["measured"][0])) + 0.5)
+    return save(figures.convergence_figure(time, errors), out / "convergence.png")

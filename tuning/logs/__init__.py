@@ -1,0 +1,1 @@
+"""Logs and cars: read, checked, in the units of the project."""

@@ -1,0 +1,1 @@
+"""Observer gains tuned and judged."""

@@ -1,0 +1,193 @@
+"""Runs on which observer gains are judged: settling after road changes, noise, and the size of the step."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from absjax.observers.base import Sample
+from absjax.observers.run import STABLE, observe
+from absjax.parameters import model, parameter, part
+from absjax.plant.wheel import Wheel
+from tuning.core.config import require, tyre_of
+from tuning.observers.config import ObserverConfig, random_surfaces
+from tuning.observers.kinds import KINDS
+from tuning.observers.metrics import TOLERANCE
+from tuning.observers.scenarios import Scenarios, concatenate, simulate
+from tuning.observers.signals import LogSignals
+
+ORDER = 6
+"""Of the power mean of settling times: between their mean and the worst, which a single run may make hopeless."""
+STEP_CHARGE = 1.0
+"""Added to the cost, in s, for every unit by which step times rate exceeds `STEP_SHARE` of the stable one."""
+STEP_SHARE = 0.7
+NOISE_WINDOW = 0.3
+"""Last part of each road over which noise is measured, s."""
+LARGEST_ERROR = 1e3
+"""Error of XBS at which a run that diverges is counted."""
+
+
+class Judgement(NamedTuple):
+    """What a parameter set is worth."""
+
+    smooth: Any
+    """smooth settling times, s, (runs, roads)"""
+    settling: Any
+    """settling times, s, (runs, roads)"""
+    noise: Any
+    """rms of the estimate's noise, (runs, roads)"""
+    error: Any
+    """rms of the error, noise included, (runs, roads)"""
+    stepping: Any
+    """by how much step times rate exceeds its share of the stable one"""
+
+    def cost(self, noise_weight, exact: bool = False):
+        """Power mean of the settling, smooth or `exact`, + noise_weight * mean noise + what too large a step
+        is charged.
+
+        Without a weight (None) it is the mean rms of the error instead.
+        """
+        charge = STEP_CHARGE * self.stepping
+        if noise_weight is None:
+            return self.error.mean() + charge
+        times = self.settling if exact else self.smooth
+        return jnp.mean(times**ORDER) ** (1 / ORDER) + noise_weight * self.noise.mean() + charge
+
+
+def _bounded(error):
+    return jnp.where(jnp.isfinite(error), jnp.clip(error, -LARGEST_ERROR, LARGEST_ERROR), LARGEST_ERROR)
+
+
+def _rms(square, where):
+    return jnp.sqrt(jnp.sum(jnp.where(where, square, 0.0), axis=-1) / jnp.sum(where, axis=-1) + 1e-12)
+
+
+@model
+class Bench:
+    """Runs an observer is judged on, as arrays (runs, samples), and the roads on them (runs, roads)."""
+
+    samples: Sample = part("without noise")
+    noise: Any = parameter("noise on y, m/s^2, shape (runs, samples)", ndim=2)
+    stiffness: Any = parameter("true XBS, shape (runs, samples)", ndim=2)
+    begins: Any = parameter("s, shape (runs, roads)", ndim=2)
+    ends: Any = parameter("s, shape (runs, roads)", ndim=2)
+    wheel: Wheel = part("as the observer knows it")
+    period: Any = parameter("of the samples, s", low=0.0, open_low=True)
+    kind: str = "adaptive"
+    substeps: int = 1
+
+    def estimates(self, values: Mapping[str, Any]):
+        """Estimated XBS without and with noise, (runs, samples) each, and the largest step times rate."""
+        observer = KINDS[self.kind].build(self.wheel, values)
+
+        def of_run(samples, noise):
+            noisy = samples._replace(y=samples.y + noise)
+            runs = [observe(observer, s, self.period, substeps=self.substeps) for s in (samples, noisy)]
+            return runs[0].stiffness, runs[1].stiffness, jnp.maximum(runs[0].stepping, runs[1].stepping)
+
+        return jax.vmap(of_run)(self.samples, self.noise)
+
+    def _on_road(self):
+        """Time since each road began, and whether a sample lies on it, (runs, roads, samples)."""
+        time = self.period * jnp.arange(self.stiffness.shape[1])
+        since = time - self.begins[..., None]
+        return since, (since >= 0) & (time < self.ends[..., None])
+
+    def judge(self, values: Mapping[str, Any]) -> Judgement:
+        """What one parameter set is worth.
+
+        The smooth settling time of a road is the cube root of 3 int t^2 o(t) dt, with o the share to which
+        |error| exceeds 1, e^4 / (1 + e^4): it is T for an error that is large until T and small from then on.
+        """
+        clean, noisy, stepping = self.estimates(values)
+        since, on_road = self._on_road()
+        error = _bounded(clean - self.stiffness)[:, None, :]
+        fourth = (error / TOLERANCE) ** 4
+        moment = 3 * self.period * jnp.sum(jnp.where(on_road, fourth / (1 + fourth) * since**2, 0.0), axis=-1)
+        smooth = jnp.cbrt(moment + 1e-9)
+        last = jnp.where(on_road & (jnp.abs(error) > TOLERANCE), since, 0.0).max(axis=-1)
+        both = _bounded(noisy - self.stiffness)[:, None, :] ** 2
+        late = on_road & (since > (self.ends - self.begins)[..., None] - NOISE_WINDOW)
+        noise = _rms(_bounded(noisy - clean)[:, None, :] ** 2, late)
+        excess = jax.nn.relu(jnp.max(_bounded(stepping)) / STABLE - STEP_SHARE)
+        return Judgement(smooth, last, noise, _rms(both, on_road), excess)
+
+
+def training_runs(config: ObserverConfig) -> Scenarios:
+    """The runs a configuration asks for: half under the five-phase, half under the two-phase controller.
+
+    Runs on which the controller stops cycling excite no observer; half as many again are simulated, and the
+    first that cycle are taken.
+
+    Raises:
+        ConfigError: if too few do.
+    """
+    rng = np.random.default_rng(config.seed)
+    roads = [tyre_of(road) for road in config.roads]
+    halves = []
+    for excitation, runs in (("five_phase", config.runs - config.runs // 2), ("two_phase", config.runs // 2)):
+        if not runs:
+            continue
+        drawn = runs + -(-runs // 2)
+        if roads:
+            surfaces = [[roads[i] for i in rng.choice(len(roads), 2, replace=False)] for _ in range(drawn)]
+        else:
+            scattered = random_surfaces(rng, 2 * drawn)
+            surfaces = [scattered[2 * i : 2 * i + 2] for i in range(drawn)]
+        simulated = simulate(
+            surfaces,
+            config.duration * rng.uniform(0.4, 0.5, drawn),
+            speed=rng.uniform(*config.speeds, drawn),
+            deceleration=config.deceleration,
+            excitation=excitation,
+            duration=config.duration,
+            period=config.period,
+            wheel=config.car(),
+        )
+        cycling = np.flatnonzero(simulated.cycling)[:runs]
+        require("duration", config.duration, len(cycling) == runs, f"longer: {len(cycling)} of {drawn} runs cycle")
+        halves.append(simulated.select(cycling))
+    return concatenate(halves)
+
+
+def bench_of(config: ObserverConfig, runs: Scenarios) -> Bench:
+    """Runs as a bench for the configured observer, with the configured noise."""
+    levels = np.resize(config.noise, (runs.runs, 1))
+    noise = levels * np.random.default_rng(config.seed + 1).normal(size=runs.stiffness.shape)
+    return Bench(
+        runs.samples,
+        noise,
+        runs.stiffness,
+        runs.begins,
+        runs.ends,
+        runs.wheel,
+        runs.period,
+        kind=config.observer,
+        substeps=config.steps_per_sample,
+    )
+
+
+def log_bench(config: ObserverConfig, signals: LogSignals, truth: np.ndarray, wheel: Wheel, begin: float, end: float):
+    """A stretch of a log with known XBS as a bench: one run, one road, the noise that of the log.
+
+    Args:
+        signals, truth: the log and its XBS, see `tuning.observers.signals`.
+        wheel: the log's.
+        begin, end: of the stretch on which errors count, s of the log. The observer runs from the log's start.
+    """
+    one = jax.tree.map(lambda x: np.asarray(x)[None], signals.samples)
+    first, period = signals.time[0], float(np.median(np.diff(signals.time)))
+    begins, ends = np.array([[begin - first]]), np.array([[end - first]])
+    return Bench(
+        one,
+        np.zeros_like(one.y),
+        truth[None],
+        begins,
+        ends,
+        wheel,
+        period,
+        kind=config.observer,
+        substeps=config.steps_per_sample,
+    )

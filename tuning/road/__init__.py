@@ -1,0 +1,1 @@
+"""The road's friction curve from a brake log."""

@@ -1,0 +1,100 @@
+"""Figures of an identified road."""
+
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+
+from absjax.plant.wheel import Wheel
+from absjax.tyres.burckhardt import Burckhardt
+from tuning.core.figures import save
+from tuning.logs.brake_log import BrakeLog
+from tuning.road.identify import Identification, Segment
+from tuning.road.samples import friction_samples
+
+Z95 = 1.96
+
+
+def identification_figures(result: Identification, log: BrakeLog, wheel: Wheel, folder: Path) -> list[Path]:
+    """Friction curves with data and confidence bands; the log with its surfaces."""
+    return [
+        save(friction_figure(result, log, wheel), folder / "friction_curve.png"),
+        save(log_figure(result, log, wheel), folder / "log.png"),
+    ]
+
+
+def friction_figure(result: Identification, log: BrakeLog, wheel: Wheel):
+    """The friction curve of every surface with its data, 95 % band and peak."""
+    samples = friction_samples(log, wheel)
+    figure, axes = plt.subplots(figsize=(8, 5))
+    for i, segment in enumerate(result.segments):
+        colour = f"C{i}"
+        inside = (log.time >= segment.start + 0.06 * (i > 0)) & (log.time <= segment.end)
+        axes.plot(-samples.slip[inside], -samples.friction[inside], ".", ms=1.5, alpha=0.25, color=colour)
+        slip = np.linspace(0, max(0.3, 1.3 * segment.largest_slip, 1.5 * min(segment.peak_slip, 0.5)), 300)
+        middle, half = _band(segment, slip)
+        label = (
+            f"{segment.start:.2f} to {segment.end:.2f} s: c = ({segment.c1:.3f}, {segment.c2:.2f}, {segment.c3:.3f})"
+        )
+        axes.plot(slip, middle, color="k", lw=2.2)
+        axes.plot(slip, middle, color=colour, lw=1.4, label=label)
+        axes.fill_between(slip, middle - half, middle + half, color=colour, alpha=0.35)
+        axes.errorbar(
+            segment.peak_slip,
+            segment.peak_friction,
+            xerr=segment.peak_slip - segment.ci95["peak_slip"][0],
+            yerr=segment.peak_friction - segment.ci95["peak_friction"][0],
+            fmt="o",
+            ms=5,
+            color="k",
+            capsize=3,
+        )
+    axes.set(xlabel="slip magnitude |λ|", ylabel="friction |μ|", xlim=(0, None), ylim=(0, None))
+    axes.set_title(f"{result.log}: friction from {samples.source}, curve, 95 % band and peak")
+    axes.legend(loc="lower right", fontsize="small")
+    axes.grid(alpha=0.3)
+    return figure
+
+
+def _band(segment: Segment, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Friction magnitude of the fitted curve and its 95 % half-width."""
+
+    def friction(c):
+        return -Burckhardt(c[0], c[1], c[2]).friction(-jnp.asarray(slip))
+
+    c = jnp.asarray([segment.c1, segment.c2, segment.c3])
+    slope = np.asarray(jax.jacfwd(friction)(c))
+    variance = np.einsum("np,pq,nq->n", slope, np.asarray(segment.covariance), slope)
+    return np.asarray(friction(c)), Z95 * np.sqrt(np.maximum(variance, 0))
+
+
+def log_figure(result: Identification, log: BrakeLog, wheel: Wheel):
+    """Speeds, pressure and friction against time, surfaces shaded."""
+    samples = friction_samples(log, wheel)
+    figure, axes = plt.subplots(3, 1, figsize=(9, 7), sharex=True, layout="constrained")
+    axes[0].plot(log.time, log.vehicle_speed, label="vehicle")
+    axes[0].plot(log.time, float(wheel.radius) * log.wheel_speed, lw=0.8, label="wheel rim")
+    axes[0].set_ylabel("speed [m/s]")
+    axes[0].legend(fontsize="small")
+    axes[1].plot(log.time, log.brake_pressure, lw=0.8)
+    axes[1].set_ylabel("brake pressure [bar]")
+    axes[2].plot(log.time, -samples.friction, lw=0.6, label="measured")
+    for i, segment in enumerate(result.segments):
+        inside = (log.time >= segment.start) & (log.time <= segment.end)
+        axes[2].plot(
+            log.time[inside],
+            -np.asarray(segment.tyre.friction(samples.slip[inside])),
+            lw=1.2,
+            color="k",
+            label="fitted" if i == 0 else None,
+        )
+        for axis in axes:
+            axis.axvspan(segment.start, segment.end, color=f"C{i}", alpha=0.08, lw=0)
+    axes[2].set(xlabel="time [s]", ylabel="friction |μ|")
+    axes[2].legend(fontsize="small", loc="lower right")
+    for axis in axes:
+        axis.grid(alpha=0.3)
+    figure.suptitle(f"{result.log}: {len(result.segments)} surface(s)")
+    return figure

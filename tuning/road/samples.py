@@ -1,0 +1,50 @@
+"""Points (slip, friction) of a log, by the most direct measurement it has."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.signal import savgol_filter
+
+from absjax.plant.wheel import GRAVITY, Wheel
+from tuning.logs.brake_log import BrakeLog
+
+SMOOTHING = 0.021
+"""Window of the smoothing differentiator [s]."""
+
+
+class FrictionSamples(NamedTuple):
+    """Points of the friction curve; arrays (samples,)."""
+
+    time: np.ndarray
+    slip: np.ndarray
+    friction: np.ndarray
+    """mu(lambda), negative while braking"""
+    source: str
+    """'force', 'acceleration', 'speed' or 'wheel': what the friction comes from"""
+
+
+def is_rig(log: BrakeLog) -> bool:
+    """Whether the speed under the wheel is imposed: it does not fall although the wheel is braked."""
+    tenth = len(log.time) // 10
+    fall = log.vehicle_speed[:tenth].mean() - log.vehicle_speed[-tenth:].mean()
+    return bool(fall < 0.05 * log.vehicle_speed.mean())
+
+
+def friction_samples(log: BrakeLog, wheel: Wheel) -> FrictionSamples:
+    """Friction from force (Fx / Fz), else acceleration (a / g), else speed (v' / g), else, on a rig,
+    from the wheel's own balance (-(J w' + gamma_b Pb) / (R Fz))."""
+    slip = float(wheel.radius) * log.wheel_speed / log.vehicle_speed - 1
+    load = float(wheel.load) if log.load is None else log.load
+    if log.force is not None:
+        return FrictionSamples(log.time, slip, log.force / load, "force")
+    if is_rig(log):
+        torque = float(wheel.inertia) * _rate(log, log.wheel_speed) + float(wheel.brake_efficiency) * log.brake_pressure
+        return FrictionSamples(log.time, slip, -torque / (float(wheel.radius) * load), "wheel")
+    if log.acceleration is not None:
+        return FrictionSamples(log.time, slip, log.acceleration / GRAVITY, "acceleration")
+    return FrictionSamples(log.time, slip, _rate(log, log.vehicle_speed) / GRAVITY, "speed")
+
+
+def _rate(log: BrakeLog, signal: np.ndarray) -> np.ndarray:
+    window = max(5, 2 * round(SMOOTHING / log.period / 2) + 1)
+    return savgol_filter(signal, window, 2, deriv=1, delta=log.period)
