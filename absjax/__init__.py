@@ -14,8 +14,8 @@ from absjax.encoder.notch import NotchFilter
 from absjax.encoder.rotation import Rotation
 from absjax.encoder.time_stamping import TimeStamping
 from absjax.encoder.wheel_speed import WheelSpeed, WheelSpeedChain
-from absjax.hybrid.rollout import Rollout, RolloutError, Status, rollout
-from absjax.hybrid.system import FINISHED, HybridSystem, Smooth, TickingSystem
+from absjax.hybrid.rollout import Rollout, Status, rollout
+from absjax.hybrid.system import HybridSystem, Smooth, TickingSystem
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import Driver, FreeRamp
 from absjax.loop.ideal import ideal_distance
@@ -32,6 +32,7 @@ from absjax.plant.quarter_car import QuarterCar
 from absjax.plant.road import ChangingRoad, UniformRoad
 from absjax.plant.test_rig import TestRig
 from absjax.plant.wheel import GRAVITY, Wheel
+from absjax.results import FINISHED, RolloutError
 from absjax.sensors.encoder import EncoderSensor
 from absjax.sensors.noisy import NoisySensor
 from absjax.tyres.burckhardt import Burckhardt

@@ -17,6 +17,23 @@ def tree_where(condition, yes: Any, no: Any) -> Any:
     return jax.tree.map(lambda a, b: jnp.where(per_lane(condition, a), a, b), yes, no)
 
 
+def pick(index, values):
+    """The entry of `values` at an integer index; the first where there is no such entry."""
+    picked = values[0]
+    for i, value in enumerate(values[1:], start=1):
+        picked = jnp.where(index == i, value, picked)
+    return picked
+
+
+def first_open(guards: tuple) -> tuple[jax.Array, jax.Array]:
+    """Whether any of the guards is at or above zero, and the first that is."""
+    found, slot = jnp.asarray(guards[0] >= 0), jnp.zeros(jnp.shape(guards[0]), jnp.int32)
+    for i, guard in enumerate(guards[1:], start=1):
+        slot = jnp.where((guard >= 0) & ~found, i, slot)
+        found = found | (guard >= 0)
+    return found, slot
+
+
 def safe_divide(numerator, denominator, valid, otherwise=0.0):
     """`numerator / denominator` where `valid`, else `otherwise`; no NaN in value or gradient (double-where)."""
     return jnp.where(valid, numerator / jnp.where(valid, denominator, 1.0), otherwise)

@@ -8,7 +8,6 @@ tracers) are not, because a gradient of a positive quantity may well be negative
 
 import dataclasses
 import math
-from functools import partial
 from typing import Any, TypeVar, dataclass_transform
 
 import jax
@@ -41,6 +40,7 @@ def parameter(
     open_low: bool = False,
     ndim: int = 0,
     trainable: bool = False,
+    span: tuple[float, float] | None = None,
 ) -> Any:
     """Declare a field that is a pytree leaf: a parameter, or a state of more axes than a scalar.
 
@@ -49,6 +49,7 @@ def parameter(
         default: value when the field is not given; `None` marks an optional part that is absent.
         low, high: bounds of every entry; `open_low` excludes `low` itself.
         trainable: whether tuning and identification adjust it unless told otherwise.
+        span: (low, high) between which a tuner looks; None: from a twentieth of where it starts to five times that.
         ndim: number of axes for one lane; a value with one more is an ensemble, lanes first.
     """
     return dataclasses.field(
@@ -59,6 +60,7 @@ def parameter(
             "leaf": True,
             "ndim": ndim,
             "trainable": trainable,
+            "span": span,
         },
     )
 
@@ -93,7 +95,14 @@ def _check_order(instance: Any) -> None:
             raise ValueError(f"{owner}.{high} = {b} must be at least {low} + {margin:g} = {np.add(a, margin)}")
 
 
-@dataclass_transform(frozen_default=True, field_specifiers=(parameter, dataclasses.field))
+def part(doc: str, *, default: Any = dataclasses.MISSING) -> Any:
+    """Declare a field that holds another model (a pytree itself), for example the road of a car."""
+    if default is dataclasses.MISSING:
+        return dataclasses.field(metadata={"doc": doc, "part": True})
+    return dataclasses.field(default=default, metadata={"doc": doc, "part": True})
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(parameter, part, dataclasses.field))
 def model(cls: type[T]) -> type[T]:
     """Make `cls` a frozen dataclass and a pytree: `parameter` fields and nested models are children.
 
@@ -132,17 +141,21 @@ def model(cls: type[T]) -> type[T]:
     return cls
 
 
-def part(doc: str, *, default: Any = dataclasses.MISSING) -> Any:
-    """Declare a field that holds another model (a pytree itself), for example the road of a car."""
-    if default is dataclasses.MISSING:
-        return dataclasses.field(metadata={"doc": doc, "part": True})
-    return dataclasses.field(default=default, metadata={"doc": doc, "part": True})
-
-
 def bounds_of(instance_or_class: Any) -> dict[str, Bounds]:
     """Bounds of every `parameter` field, by name."""
     fields = dataclasses.fields(instance_or_class)
     return {f.name: f.metadata["bounds"] for f in fields if f.metadata.get("leaf")}
+
+
+def span_of(instance_or_class: Any, name: str) -> tuple[float, float] | None:
+    """Where a tuner looks for the value of a `parameter` field; None where nothing is declared."""
+    return next(f.metadata["span"] for f in dataclasses.fields(instance_or_class) if f.name == name)
+
+
+def defaults_of(cls: Any) -> dict[str, float]:
+    """Default values of the scalar `parameter` fields that have one."""
+    fields = {f.name: f.default for f in dataclasses.fields(cls) if f.metadata.get("leaf")}
+    return {name: float(value) for name, value in fields.items() if isinstance(value, int | float)}
 
 
 def trainable_names(instance_or_class: Any) -> tuple[str, ...]:
@@ -153,30 +166,3 @@ def trainable_names(instance_or_class: Any) -> tuple[str, ...]:
 def is_model(value: Any) -> bool:
     """Whether `value` is an instance of a class made by :func:`model`."""
     return dataclasses.is_dataclass(value) and not isinstance(value, type)
-
-
-def _axis(leaf, own: int) -> int:
-    return 0 if jnp.ndim(leaf) > own else -1
-
-
-def lane_axes(tree: Any) -> Any:
-    """Same structure as `tree`, with 0 at leaves that carry a leading axis of lanes and -1 elsewhere.
-
-    A leaf carries lanes when it has one axis more than its field declares; a leaf outside a model is
-    a scalar per lane.
-    """
-
-    def axes(node):
-        if not is_model(node):
-            return _axis(node, own=0)
-        values = []
-        for field in dataclasses.fields(node):
-            value = getattr(node, field.name)
-            if field.metadata.get("leaf"):
-                values.append(jax.tree.map(partial(_axis, own=field.metadata["ndim"]), value))
-            elif field.metadata.get("part"):
-                values.append(lane_axes(value))
-        _, treedef = jax.tree.flatten(node, is_leaf=lambda child: child is not node)
-        return jax.tree.unflatten(treedef, values)
-
-    return jax.tree.map(axes, tree, is_leaf=is_model)

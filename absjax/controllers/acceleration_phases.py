@@ -26,7 +26,8 @@ from typing import Any, ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from absjax.controllers.phases import by_phase, onset_threshold, while_pressed
+from absjax._numerics import pick
+from absjax.controllers.phases import onset_threshold, while_pressed
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
 
@@ -85,13 +86,13 @@ class AccelerationPhases:
         x2 = signals.acceleration_offset
         rising = (mode == 1) | (mode == 2)
         first = onset_threshold(self.eps0, self.eps0_growth, signals)
-        threshold = by_phase(mode, (-first, self.eps1, self.eps2, self.eps3, -self.eps4, -self.eps5))
+        threshold = pick(mode, (-first, self.eps1, self.eps2, self.eps3, -self.eps4, -self.eps5))
         onward = jnp.where(rising, x2 - threshold, threshold - x2)
         overdue = signals.time - kept.time - self.longest_release
         fallen, recovered = self.fallback * self.eps1 - x2, x2 + self.fallback * self.eps4
         if not self.ways_back:
             overdue = recovered = -1.0
-        back = by_phase(mode, (-1.0, overdue, fallen, -1.0, -1.0, recovered))
+        back = pick(mode, (-1.0, overdue, fallen, -1.0, -1.0, recovered))
         return jnp.where(mode == 0, while_pressed(onward, signals), onward), back
 
     def switch(self, signals: Signals, kept, mode, slot):

@@ -15,7 +15,7 @@ class Controller(Protocol):
 
     `kept` is what it keeps from one switching to the next, a pytree of float scalars; () for nothing.
     `cycle_phase` is the phase whose entry counts a cycle; None for a controller that does not cycle.
-    A phase of `absjax.hybrid.system.UNDEFINED` ends the lane: the law is not defined any more.
+    A phase of `absjax.results.UNDEFINED` ends the lane: the law is not defined any more.
     """
 
     phases: tuple[str, ...]

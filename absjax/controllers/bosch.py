@@ -23,8 +23,9 @@ from typing import Any, ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from absjax._numerics import pick
 from absjax.controllers.acceleration_phases import TUNED
-from absjax.controllers.phases import OPEN_VALVE, by_phase, per_rim, while_pressed
+from absjax.controllers.phases import OPEN_VALVE, per_rim, while_pressed
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
 
@@ -86,7 +87,7 @@ class BoschLogic:
 
     def rate(self, signals: Signals, kept: Reference, mode):
         """Commanded dPb/dt [bar/s]."""
-        strength = by_phase(mode, (0.0, 0.0, -self.release, 0.0, self.apply, 0.0, self.step, 0.0))
+        strength = pick(mode, (0.0, 0.0, -self.release, 0.0, self.apply, 0.0, self.step, 0.0))
         return jnp.where(mode == 0, OPEN_VALVE, per_rim(strength, signals))
 
     def guards(self, signals: Signals, kept: Reference, mode):
@@ -108,11 +109,11 @@ class BoschLogic:
         )
         second = (-1.0, recovers, -1.0, falls, -1.0, rises, spent - self.pulse, spent - self.pause)
         third = jnp.where(mode == 3, spent - self.longest_hold, -1.0)
-        return by_phase(mode, first), by_phase(mode, second), third
+        return pick(mode, first), pick(mode, second), third
 
     def switch(self, signals: Signals, kept: Reference, mode, slot):
         """The phase that follows, and the reference speed carried on."""
-        first, second = by_phase(mode, (1, 2, 3, 5, 5, 6, 2, 2)), by_phase(mode, (0, 0, 2, 2, 4, 4, 7, 6))
+        first, second = pick(mode, (1, 2, 3, 5, 5, 6, 2, 2)), pick(mode, (0, 0, 2, 2, 4, 4, 7, 6))
         following = jnp.where(slot == 0, first, jnp.where(slot == 1, second, 6))
         rim = signals.radius * signals.wheel_speed
         return Reference(signals.time, jnp.maximum(rim, self._reference(signals, kept))), following

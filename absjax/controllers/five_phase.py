@@ -12,8 +12,9 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
+from absjax._numerics import pick
 from absjax.controllers.acceleration_phases import TUNED, AccelerationPhases, Number
-from absjax.controllers.phases import OPEN_VALVE, by_phase, per_rim
+from absjax.controllers.phases import OPEN_VALVE, per_rim
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
 
@@ -31,5 +32,5 @@ class FivePhase(AccelerationPhases):
 
     def rate(self, signals: Signals, kept, mode):
         """Commanded dPb/dt [bar/s]."""
-        strength = by_phase(mode, (0.0, -self.u1, 0.0, self.u3, self.u4, 0.0))
+        strength = pick(mode, (0.0, -self.u1, 0.0, self.u3, self.u4, 0.0))
         return jnp.where(mode == 0, OPEN_VALVE, per_rim(strength, signals))

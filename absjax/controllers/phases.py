@@ -10,14 +10,6 @@ SLOWEST_RIM = 0.5
 """Speed of the rim below which rates in bar m/s^2 are divided by this one, m/s: a locked wheel divides by nothing."""
 
 
-def by_phase(mode, values):
-    """The entry of `values` that belongs to phase `mode`."""
-    chosen = values[-1]
-    for phase, value in reversed(list(enumerate(values[:-1]))):
-        chosen = jnp.where(mode == phase, value, chosen)
-    return chosen
-
-
 def per_rim(strength, signals: Signals):
     """dPb/dt [bar/s] of a strength u [bar m/s^2]: u / (R w)."""
     return strength / jnp.maximum(signals.radius * signals.wheel_speed, SLOWEST_RIM)

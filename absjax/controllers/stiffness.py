@@ -16,9 +16,9 @@ import jax.numpy as jnp
 from absjax._numerics import safe_divide
 from absjax.controllers.driver_braking import DriverBraking
 from absjax.controllers.phases import OPEN_VALVE
-from absjax.hybrid.system import UNDEFINED
 from absjax.parameters import model, parameter, part
 from absjax.plant.wheel import Wheel
+from absjax.results import UNDEFINED
 from absjax.signals import Signals
 
 

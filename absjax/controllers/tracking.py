@@ -17,9 +17,9 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from absjax._numerics import safe_divide
+from absjax._numerics import pick, safe_divide
 from absjax.controllers.acceleration_phases import AccelerationPhases
-from absjax.controllers.phases import OPEN_VALVE, by_phase
+from absjax.controllers.phases import OPEN_VALVE
 from absjax.parameters import model, parameter, part
 from absjax.plant.wheel import Wheel
 from absjax.signals import Signals
@@ -52,11 +52,11 @@ class AccelerationTracking(AccelerationPhases):
     def rate(self, signals: Signals, kept: Entry, mode):
         """Commanded dPb/dt [bar/s]."""
         a, b, x2 = self.wheel.slip_gain, self.wheel.pressure_gain, signals.acceleration_offset
-        goal = by_phase(mode, (0.0, self.eps1, 0.0, self.eps3, -self.eps4, 0.0))
+        goal = pick(mode, (0.0, self.eps1, 0.0, self.eps3, -self.eps4, 0.0))
         way = (1 + self.beyond) * (goal - kept.offset)
         duration = 1.5 / b * jnp.abs(way) / self.pressure_rate
         share = jnp.clip(safe_divide(signals.time - kept.time, duration, duration > 0, 1.0), 0.0, 1.0)
         target = kept.offset + way * share**2 * (3 - 2 * share)
         slope = safe_divide(way * 6 * share * (1 - share), duration, duration > 0)
         tracking = -(a / signals.vehicle_speed * signals.stiffness * x2 + slope - self.gain * (x2 - target)) / b
-        return by_phase(mode, (OPEN_VALVE, tracking, 0.0, tracking, tracking, 0.0))
+        return pick(mode, (OPEN_VALVE, tracking, 0.0, tracking, tracking, 0.0))

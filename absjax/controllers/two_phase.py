@@ -19,8 +19,9 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
+from absjax._numerics import pick
 from absjax.controllers.driver_braking import DriverBraking
-from absjax.controllers.phases import OPEN_VALVE, by_phase
+from absjax.controllers.phases import OPEN_VALVE
 from absjax.parameters import model, parameter, part
 from absjax.plant.wheel import Wheel
 from absjax.signals import Signals
@@ -64,7 +65,7 @@ class TwoPhase(DriverBraking):
     def rate(self, signals: Signals, kept, mode):
         """Commanded dPb/dt [bar/s]."""
         offset = signals.acceleration_offset
-        target = self.zref * by_phase(mode, (0.0, 1.0, -1.0, self.recovery))
+        target = self.zref * pick(mode, (0.0, 1.0, -1.0, self.recovery))
         pull = self.gain * (offset - target) - self.wheel.slip_gain * offset * signals.stiffness
         follow = pull / (signals.vehicle_speed * self.wheel.pressure_gain)
         return jnp.where(mode == 0, OPEN_VALVE, follow)
@@ -73,9 +74,9 @@ class TwoPhase(DriverBraking):
         """The threshold that leads on; the limit of the slip."""
         slip = self.wheel.slip(signals.wheel_speed, signals.vehicle_speed)
         release, apply = signals.stiffness - self.chi_b, self.chi_a - signals.stiffness
-        onward = by_phase(mode, (self.driver_guard(signals), release, apply, slip - 0.5 * self.slip_limit))
+        onward = pick(mode, (self.driver_guard(signals), release, apply, slip - 0.5 * self.slip_limit))
         return onward, jnp.where(mode == 2, self.slip_limit - slip, -1.0)
 
     def switch(self, signals: Signals, kept, mode, slot):
         """Release after driver braking, then one after the other."""
-        return kept, jnp.where(slot == 1, 3, by_phase(mode, (1, 2, 1, 2)))
+        return kept, jnp.where(slot == 1, 3, pick(mode, (1, 2, 1, 2)))

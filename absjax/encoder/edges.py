@@ -16,7 +16,8 @@ from jax import lax
 from absjax._numerics import safe_divide
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.rotation import Rotation, hermite
-from absjax.parameters import concrete, lane_axes
+from absjax.lanes import lane_axes, mapped
+from absjax.parameters import concrete
 
 TOLERANCE = 1e-14
 """Angle to which an edge is located, as a share of what the wheel turns in a sample; or rounding, if larger."""
@@ -128,7 +129,7 @@ def _bracketed(terms, target, wanted):
 
 @partial(jax.jit, static_argnames="capacity")
 def _edges(encoder: Encoder, rotation: Rotation, period, capacity: int) -> Edges:
-    axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(encoder))
+    axes = mapped(lane_axes(encoder))
     over = 0 if rotation.angle.ndim == 2 else None
     if over is None and not jax.tree.leaves(axes):
         return _edges_of_one(encoder, rotation, period, capacity)

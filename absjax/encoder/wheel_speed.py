@@ -12,7 +12,8 @@ from jax import lax
 
 from absjax.encoder.edges import Edges
 from absjax.encoder.time_stamping import Measured, Stamps, TimeStamping
-from absjax.parameters import concrete, lane_axes, model, part
+from absjax.lanes import lane_axes, lane_count, mapped
+from absjax.parameters import concrete, model, part
 
 
 class Compensation(Protocol):
@@ -153,12 +154,7 @@ def _estimate(chain, edges: Edges, period, tick, start):
         return path, final
 
     many = edges.ages.ndim == 3
-    axes = lane_axes(chain)
-    sizes = {leaf.shape[0] for leaf, axis in zip(jax.tree.leaves(chain), jax.tree.leaves(axes)) if axis >= 0}
-    sizes |= {edges.ages.shape[0]} if many else set()
-    if len(sizes) > 1:
-        raise ValueError(f"chain and edges have {' and '.join(map(str, sorted(sizes)))} lanes; all must have one size")
-    if not sizes:
+    if lane_count(chain, "chain", edges.ages.shape[0] if many else None) is None:
         return one(chain, edges, start)
-    over = jax.tree.map(lambda axis: None if axis < 0 else 0, axes)
+    over = mapped(lane_axes(chain))
     return jax.vmap(one, in_axes=(over, 0 if many else None, None if start is None else 0))(chain, edges, start)

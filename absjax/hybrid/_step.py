@@ -25,14 +25,14 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
-from absjax._numerics import rk4_step, safe_divide, tree_where
+from absjax._numerics import first_open, pick, rk4_step, safe_divide, tree_where
 from absjax.hybrid import _locate
 from absjax.hybrid._locate import Ends
+from absjax.lanes import mapped
+from absjax.results import DIVERGED
 
 NORMAL, LANDING, RELANDING, LAST_LANDING, CROSSING, TOUCHING, IMMEDIATE = range(7)
 LANDING_TOLERANCE = 1e-5
-DIVERGED = -2
-"""Mode of a lane whose state has left the finite numbers; it keeps its last finite state."""
 
 
 class Grid(NamedTuple):
@@ -71,7 +71,7 @@ class Tile:
 
     def __init__(self, system, axes):
         self.system = system
-        self.axes = jax.tree.map(lambda axis: None if axis < 0 else 0, axes)
+        self.axes = mapped(axes)
         self.ticks = hasattr(system, "tick")
 
     def _over(self, function, *arguments):
@@ -101,28 +101,12 @@ class Tile:
         return Local(slope, guards, rates)
 
 
-def pick(values: tuple[jax.Array, ...], slot):
-    picked = values[0]
-    for i, value in enumerate(values[1:], start=1):
-        picked = jnp.where(slot == i, value, picked)
-    return picked
-
-
-def _first_open(guards: tuple[jax.Array, ...]):
-    slot = jnp.zeros(guards[0].shape, jnp.int32)
-    found = guards[0] >= 0
-    for i, guard in enumerate(guards[1:], start=1):
-        slot = jnp.where((guard >= 0) & ~found, i, slot)
-        found = found | (guard >= 0)
-    return found, slot
-
-
 def enter(tile: Tile, grid: Grid, state, mode) -> Lanes:
     """The lanes at the start of the grid."""
     zero = jnp.zeros_like(mode)
     clock = jnp.broadcast_to(grid.start, mode.shape)
     here = tile.local(clock, state, mode)
-    opened, slot = _first_open(here.guards) if here.guards else (zero > 0, zero)
+    opened, slot = first_open(here.guards) if here.guards else (zero > 0, zero)
     doing = jnp.where(opened, IMMEDIATE, NORMAL).astype(jnp.int32)
     left = jnp.broadcast_to(grid.step, mode.shape)
     return Lanes(zero, left, state, mode, doing, jnp.zeros_like(left), slot, zero, zero, here)
@@ -190,12 +174,12 @@ def _decide(grid: Grid, lanes: Lanes, held, there: Local, opened_by, step) -> De
         *(lanes, there, step, target, crossed),
     )
     trying = (lanes.doing >= LANDING) & (lanes.doing <= LAST_LANDING)
-    miss, closing = pick(there.guards, lanes.slot), pick(there.rates, lanes.slot)
+    miss, closing = pick(lanes.slot, there.guards), pick(lanes.slot, there.rates)
     sound = (closing > 0) & (jnp.abs(miss) <= closing * grid.step)
     again = (lanes.doing < LAST_LANDING) & (jnp.abs(miss) > LANDING_TOLERANCE * grid.step * closing)
     corrected = jnp.clip(lanes.landing - safe_divide(miss, closing, sound), 0.0, lanes.left)
     landed = jnp.where(sound, jnp.where(again, lanes.doing + 1, CROSSING), TOUCHING)
-    opened, open_slot = _first_open(opened_by)
+    opened, open_slot = first_open(opened_by)
     doing = jnp.where(trying, landed, jnp.where(opened, IMMEDIATE, NORMAL))
     slot = jnp.where(trying, lanes.slot, open_slot)
     return Decision(
@@ -235,7 +219,7 @@ def _crossing(lanes: Lanes, there: Local, step, normal, humps: bool):
 def _land(lanes: Lanes, there: Local, step, target, crossed):
     """Crossed, target, the fraction of the step at which its guard crossed, and whether it grazes."""
     all_ends = [_ends(lanes, there, step, i) for i in range(len(there.guards))]
-    ends = jax.tree.map(lambda *values: pick(values, target), *all_ends)
+    ends = jax.tree.map(lambda *values: pick(target, values), *all_ends)
     _, last, start = _locate.detect(ends, humps=True)
     return crossed, target, *_locate.refine(ends, last, start)
 

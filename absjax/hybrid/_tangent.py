@@ -15,8 +15,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from absjax._numerics import per_lane, rk4_step, safe_divide, tree_where
-from absjax.hybrid._step import CROSSING, NORMAL, Grid, Lanes, Tile, pick, step_of, time_of
+from absjax._numerics import per_lane, pick, rk4_step, safe_divide, tree_where
+from absjax.hybrid._step import CROSSING, NORMAL, Grid, Lanes, Tile, step_of, time_of
 
 
 def tangent(
@@ -45,7 +45,7 @@ def tangent(
         tile = tile_of(parameters)
         slope = tile.flow(time, state, lanes.mode)
         state = rk4_step(lambda t, x: tile.flow(t, x, lanes.mode), time, state, step, slope)
-        guard = pick(tile.guards(time + step, state, lanes.mode), lanes.slot) if switches else None
+        guard = pick(lanes.slot, tile.guards(time + step, state, lanes.mode)) if switches else None
         return state, guard
 
     at = (parameters, time, lanes.state)

@@ -4,7 +4,6 @@ Lanes run at their own pace (`absjax.hybrid._step`), in a scan with a derivative
 (`absjax.hybrid._scan`, `absjax.hybrid._tangent`), in tiles shared out over devices (`absjax.hybrid._tiles`).
 """
 
-import enum
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -14,11 +13,13 @@ import numpy as np
 
 from absjax.hybrid import _step
 from absjax.hybrid._scan import Plan, run_tile
-from absjax.hybrid._step import DIVERGED, Grid
+from absjax.hybrid._step import Grid
 from absjax.hybrid._tiles import over_tiles
 from absjax.hybrid.recording import SwitchLog, Trajectory, collect
 from absjax.hybrid.system import HybridSystem
-from absjax.parameters import concrete, lane_axes
+from absjax.lanes import lane_axes, lane_count
+from absjax.parameters import concrete
+from absjax.results import DIVERGED, EndCode, raise_if_failed
 
 SEGMENT = 64
 """Iterations of the scan between two looks whether any lane is still under way."""
@@ -30,21 +31,13 @@ RECORD_BYTES = 2**28
 """Above this size of the record of all lanes, `checkpoint=None` recomputes segments instead."""
 
 
-class Status(enum.IntEnum):
+class Status(EndCode):
     """How a lane ended."""
 
-    COMPLETED = 0
-    """It reached the end of the grid."""
-    FINISHED = 1
-    """A jump ended the manoeuvre."""
-    BUDGET_EXHAUSTED = 2
-    """It was still under way when the scan ended: more switchings than `max_events` allows for."""
-    DIVERGED = 3
-    """Its state left the finite numbers; it keeps the last finite state."""
-
-
-class RolloutError(RuntimeError):
-    """A lane did not end as it should."""
+    COMPLETED = 0, "it reached the end of the grid"
+    FINISHED = 1, "a jump ended the manoeuvre"
+    BUDGET_EXHAUSTED = 2, "it was still under way when the scan ended: more switchings than max_events allows for", True
+    DIVERGED = 3, "its state left the finite numbers; it keeps the last finite state", True
 
 
 class Rollout(NamedTuple):
@@ -75,24 +68,8 @@ class Rollout(NamedTuple):
         Raises:
             RolloutError: if a lane ran out of its event budget or diverged; names lanes and reason.
         """
-        status = np.atleast_1d(np.asarray(self.status))
-        for code in (Status.DIVERGED, Status.BUDGET_EXHAUSTED):
-            lanes = np.flatnonzero(status == code)
-            if lanes.size:
-                raise RolloutError(f"{lanes.size} of {status.size} lanes {code.name}, the first is lane {lanes[0]}")
+        raise_if_failed(self.status, Status)
         return self
-
-
-def _lane_count(axes, tree, what: str, lanes: int | None) -> int | None:
-    for (path, leaf), axis in zip(jax.tree_util.tree_leaves_with_path(tree), jax.tree.leaves(axes)):
-        if axis < 0:
-            continue
-        size = jnp.shape(leaf)[0]
-        if lanes is not None and size != lanes:
-            name = what + jax.tree_util.keystr(path)
-            raise ValueError(f"{name} has {size} lanes, others have {lanes}; all ensembles must have one size")
-        lanes = size
-    return lanes
 
 
 def _as_float(dtype):
@@ -119,7 +96,7 @@ def rollout(
     """Roll a hybrid system out over `steps` grid steps, every switching located inside its step.
 
     One lane or an ensemble: wherever `system`, `state` or `mode` has a leaf with one leading axis more
-    than a single lane needs, that axis counts lanes (`absjax.parameters.lane_axes`); other leaves are
+    than a single lane needs, that axis counts lanes (`absjax.lanes.lane_axes`); other leaves are
     shared. Lanes run in tiles, the tiles spread over all local devices. Differentiable in forward and
     reverse mode with respect to system and state, not to `step` and `start`; dtype follows `state`.
 
@@ -175,9 +152,9 @@ def rollout(
 @partial(jax.jit, static_argnums=(4, 5, 6, 7, 8, 9))
 def _rollout(system, state, mode, grid, steps, max_events, save_every, save_switches, checkpoint, tile):
     axes = lane_axes(system)
-    lanes = _lane_count(axes, system, "system", None)
-    lanes = _lane_count(lane_axes(state), state, "state", lanes)
-    lanes = _lane_count(lane_axes(mode), mode, "mode", lanes)
+    lanes = lane_count(system, "system")
+    lanes = lane_count(state, "state", lanes)
+    lanes = lane_count(mode, "mode", lanes)
     single = lanes is None
     lanes = 1 if single else lanes
 

@@ -8,12 +8,6 @@ from typing import Any, Protocol, runtime_checkable
 
 import jax
 
-FINISHED = -1
-"""Mode of a lane whose manoeuvre has ended: it flows no more. A jump returns it, or another mode below
-zero but -2, to end a lane."""
-UNDEFINED = -4
-"""Mode of a lane whose controller has come to where its law is not defined."""
-
 
 @runtime_checkable
 class HybridSystem(Protocol):

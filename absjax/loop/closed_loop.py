@@ -19,7 +19,6 @@ import jax.numpy as jnp
 from absjax._numerics import tree_where
 from absjax.controllers.base import Controller
 from absjax.controllers.phases import per_rim
-from absjax.hybrid.system import FINISHED
 from absjax.loop._modes import AT_ZERO, FREE, ON_PEDAL, Mode, decoded
 from absjax.loop.driver import HELD, NEVER, OFF, PRESSING, Driver, FreeRamp, Pedal
 from absjax.loop.memory import Locks, Memory
@@ -27,6 +26,7 @@ from absjax.observers.base import Observer
 from absjax.parameters import model, parameter, part
 from absjax.plant.base import Plant
 from absjax.plant.brake import Brake, BrakeState
+from absjax.results import FINISHED
 from absjax.signals import Signals
 
 SPIN_UP = 1e-6

@@ -20,12 +20,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from absjax.hybrid.rollout import Status, rollout
-from absjax.hybrid.system import FINISHED
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import Driver, Pedal
 from absjax.parameters import concrete, model, parameter, part
 from absjax.plant.base import Plant
 from absjax.plant.wheel import GRAVITY
+from absjax.results import FINISHED
 
 BY_PEDAL, BY_ROAD = range(2)
 """What limits the deceleration; the foot is in the bits above."""

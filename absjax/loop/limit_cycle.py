@@ -8,7 +8,6 @@ dx = (I - M')^-1 dM, the contraction through the second derivative of the rollou
 Source: Aguado-Rojas 2019, section 4.3.3 and appendix A, for the Poincare map.
 """
 
-import enum
 from functools import partial
 from typing import NamedTuple
 
@@ -18,26 +17,24 @@ import numpy as np
 from jax import lax
 
 from absjax.hybrid.rollout import Status, rollout
-from absjax.hybrid.system import FINISHED
+from absjax.lanes import each_lane
 from absjax.loop.closed_loop import ClosedLoop, LoopState
 from absjax.loop.memory import Memory
-from absjax.parameters import concrete, lane_axes, model, part
+from absjax.parameters import concrete, model, part
 from absjax.plant.test_rig import TestRig
+from absjax.results import FINISHED, EndCode
 
 NEWTON_STEPS = 6
 TOLERANCE = 1e-5
 """Largest step of Newton's method left at a fixed point, as a share of max(|x|, 1)."""
 
 
-class CycleStatus(enum.IntEnum):
+class CycleStatus(EndCode):
     """What the search for a limit cycle found."""
 
-    FOUND = 0
-    """A fixed point."""
-    NOT_CYCLING = 1
-    """The loop stops cycling: within the horizon no further cycle begins."""
-    NOT_CONVERGED = 2
-    """It cycles, but Newton's method found no fixed point."""
+    FOUND = 0, "a fixed point"
+    NOT_CYCLING = 1, "the loop stops cycling: within the horizon no further cycle begins", True
+    NOT_CONVERGED = 2, "it cycles, but Newton's method found no fixed point", True
 
 
 class LimitCycle(NamedTuple):
@@ -127,7 +124,9 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
         zero = 0.0 * point[..., 0]
         pedal = loop.driver.pressed(zero) if loop.driver.limits else None
         state = LoopState(plant, brake, pedal, observer, (), Memory.blank(zero))
-        return state._replace(controller=_each(lambda loop, told: loop.controller.at(told), loop, _told(loop, state)))
+        return state._replace(
+            controller=each_lane(lambda loop, told: loop.controller.at(told), loop, _told(loop, state))
+        )
 
     def returned(loop, point):
         begun, mode = begin(loop, point), loop.mode(loop.controller.cycle_phase)
@@ -170,15 +169,7 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
 
 def _told(loop: ClosedLoop, state: LoopState):
     """What the controller is told at time 0."""
-    return _each(lambda loop, state: loop.signals(0.0 * state.plant.wheel_speed, state, loop.mode(0)), loop, state)
-
-
-def _each(function, loop: ClosedLoop, *arguments):
-    """`function` of one loop over lanes, where there are any."""
-    if jnp.ndim(jax.tree.leaves(arguments)[0]) == 0:
-        return function(loop, *arguments)
-    axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(loop))
-    return jax.vmap(function, in_axes=(axes, *(0 for _ in arguments)))(loop, *arguments)
+    return each_lane(lambda loop, state: loop.signals(0.0 * state.plant.wheel_speed, state, loop.mode(0)), loop, state)
 
 
 def _solve(matrix, vector):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from absjax._numerics import tree_where
+from absjax._numerics import first_open, tree_where
 from absjax.loop.closed_loop import ClosedLoop, LoopState
 from absjax.observers.base import Sample
 from absjax.observers.run import advance
@@ -99,10 +99,7 @@ class SampledLoop:
             loop, sampled = loop._replace(observer=observed), (time, sample)
         signals = self.loop.told(signals, loop)
         guards = self.loop.controller.guards(signals, loop.controller, self.loop.phase(mode))
-        fires, slot = jnp.zeros((), bool), jnp.zeros((), jnp.int32)
-        for i, guard in enumerate(guards):
-            slot = jnp.where((guard >= 0) & ~fires, i, slot)
-            fires = fires | (guard >= 0)
+        fires, slot = first_open(guards)
         switched, phase = self.loop.switch(signals, loop, mode, slot)
         loop, mode = tree_where(fires, switched, loop), jnp.where(fires, phase, mode)
         rates = (self.loop.command(signals, loop, mode),) + state.rates[:-1]

@@ -1,6 +1,5 @@
 """A stop: from a speed and the first touch of the pedal down to the stop speed, and how good it was."""
 
-import enum
 import math
 from typing import Any, NamedTuple
 
@@ -10,26 +9,21 @@ import numpy as np
 
 from absjax._numerics import safe_divide
 from absjax.hybrid.rollout import Rollout, Status, rollout
-from absjax.hybrid.system import UNDEFINED
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.parameters import concrete
 from absjax.plant.wheel import GRAVITY
+from absjax.results import UNDEFINED, EndCode, raise_if_failed
 
 
-class Outcome(enum.IntEnum):
+class Outcome(EndCode):
     """How a stop ended."""
 
-    STOPPED = 0
-    """At the stop speed."""
-    STILL_MOVING = 1
-    """The horizon was too short."""
-    BUDGET_EXHAUSTED = 2
-    """More switchings than `max_events`."""
-    DIVERGED = 3
-    """The state left the finite numbers."""
-    CONTROL_UNDEFINED = 4
-    """The controller came to where its law is not defined; distances are those up to there."""
+    STOPPED = 0, "at the stop speed"
+    STILL_MOVING = 1, "the horizon was too short", True
+    BUDGET_EXHAUSTED = 2, "more switchings than max_events", True
+    DIVERGED = 3, "the state left the finite numbers", True
+    CONTROL_UNDEFINED = 4, "the controller came to where its law is not defined; distances are those up to there", True
 
 
 class Stop(NamedTuple):
@@ -66,6 +60,15 @@ class Stop(NamedTuple):
     locks: jax.Array
     outcome: jax.Array
     rollout: Rollout
+
+    def raise_if_failed(self) -> "Stop":
+        """Return self.
+
+        Raises:
+            RolloutError: if a stop did not end at the stop speed; names lanes and reason.
+        """
+        raise_if_failed(self.outcome, Outcome, "stops")
+        return self
 
 
 def stop(

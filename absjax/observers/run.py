@@ -1,6 +1,5 @@
 """An observer on samples: one step between two of them, and the scan over a log."""
 
-import enum
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -10,22 +9,19 @@ import numpy as np
 from jax import lax
 
 from absjax._numerics import rk4_step, safe_divide
-from absjax.hybrid.rollout import RolloutError
 from absjax.observers.base import Observer, Sample
+from absjax.results import EndCode, RolloutError, raise_if_failed
 
 STABLE = 2.785
 """Largest product of step and rate for which the Runge-Kutta step is stable, on the real axis."""
 
 
-class ObserverStatus(enum.IntEnum):
+class ObserverStatus(EndCode):
     """How an observer fared."""
 
-    SOUND = 0
-    """The step was small enough throughout."""
-    STEP_TOO_LARGE = 1
-    """Somewhere the step was too large for the gains: the estimate is not to be trusted."""
-    DIVERGED = 2
-    """The state left the finite numbers."""
+    SOUND = 0, "the step was small enough throughout"
+    STEP_TOO_LARGE = 1, "somewhere the step was too large for the gains: the estimate is not to be trusted", True
+    DIVERGED = 2, "the state left the finite numbers", True
 
 
 class Observation(NamedTuple):
@@ -49,15 +45,9 @@ class Observation(NamedTuple):
         Raises:
             RolloutError: if the step was too large for the gains, or the state diverged; says by how much.
         """
-        status = np.atleast_1d(np.asarray(self.status))
-        for code in (ObserverStatus.DIVERGED, ObserverStatus.STEP_TOO_LARGE):
-            lanes = np.flatnonzero(status == code)
-            if lanes.size:
-                excess = float(np.atleast_1d(np.asarray(self.stepping))[lanes].max()) / STABLE
-                raise RolloutError(
-                    f"{lanes.size} of {status.size} observer runs {code.name}: the step is {excess:.3g} times "
-                    "the largest stable one; use more substeps or smaller gains"
-                )
+        excess = float(np.max(np.asarray(self.stepping), initial=0.0)) / STABLE
+        hint = f"; the step is {excess:.3g} times the largest stable one, use more substeps or smaller gains"
+        raise_if_failed(self.status, ObserverStatus, "observer runs", hint)
         return self
 
 

@@ -16,7 +16,8 @@ from absjax.encoder.edges import Place, capacity_for, passing_edges
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.rotation import Rotation
 from absjax.encoder.wheel_speed import WheelSpeed, WheelSpeedChain
-from absjax.parameters import concrete, lane_axes, model, parameter, part
+from absjax.lanes import lane_axes, lane_count, mapped
+from absjax.parameters import concrete, model, parameter, part
 from absjax.signals import Signals
 
 STANDING = 0.1
@@ -79,12 +80,9 @@ class EncoderSensor:
                     f"EncoderSensor.capacity = {self.capacity} edges between two samples; {capacity_for(teeth)} "
                     f"are needed, {teeth:.3g} teeth pass at {float(jnp.max(speed)):.4g} rad/s"
                 )
-        axes = lane_axes(self)
-        lanes = [axis for axis in jax.tree.leaves(axes) if axis >= 0]
         start = EncoderSensor._rolled
-        if lanes or jnp.ndim(speed):
-            over = jax.tree.map(lambda axis: None if axis < 0 else 0, axes)
-            start = jax.vmap(start, in_axes=(over, 0 if jnp.ndim(speed) else None))
+        if lane_count(self, "sensor") is not None or jnp.ndim(speed):
+            start = jax.vmap(start, in_axes=(mapped(lane_axes(self)), 0 if jnp.ndim(speed) else None))
         wheel, state = start(self, jnp.asarray(speed))
         return self._told(signals, wheel), state
 

@@ -19,7 +19,6 @@ from absjax.controllers.stiffness import StiffnessControl
 from absjax.controllers.tracking import AccelerationTracking
 from absjax.controllers.two_phase import TwoPhase
 from absjax.hybrid.rollout import rollout
-from absjax.hybrid.system import UNDEFINED
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import FreeRamp
 from absjax.loop.sampled_loop import SampledLoop
@@ -29,6 +28,7 @@ from absjax.plant.brake import Brake
 from absjax.plant.quarter_car import QuarterCar
 from absjax.plant.road import UniformRoad
 from absjax.plant.wheel import Wheel
+from absjax.results import UNDEFINED
 from absjax.tyres.surfaces import SURFACES
 
 INERTIA, RADIUS, LOAD, BRAKE, GRAVITY = 1.2, 0.3, 2500.0, 17.5, 9.81

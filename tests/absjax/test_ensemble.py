@@ -7,7 +7,7 @@ import pytest
 
 from absjax.hybrid import rollout as engine
 from absjax.hybrid.rollout import rollout
-from absjax.parameters import lane_axes
+from absjax.lanes import lane_axes
 from absjax.tyres.burckhardt import Burckhardt
 from tests.systems import Decay, Level, Relay, five_phase_loop
 

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from absjax.hybrid.rollout import RolloutError
 from absjax.observers import rls
 from absjax.observers.adaptive import AdaptiveObserver
 from absjax.observers.base import Sample
@@ -18,6 +17,7 @@ from absjax.observers.excitation import decay_along, dwell_times, excitation, re
 from absjax.observers.run import ObserverStatus, observe
 from absjax.observers.switched import SwitchedObserver, constant_stiffness, known_road, unknown_road
 from absjax.plant.wheel import Wheel
+from absjax.results import RolloutError
 
 WHEEL = Wheel()
 A_GAIN, B_GAIN = 187.5, 4.375

@@ -5,7 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.hybrid.rollout import RolloutError, Status, rollout
+from absjax.hybrid.rollout import Status, rollout
+from absjax.results import RolloutError
 from tests.systems import Decay, Explosion, Level, Oscillator, Race, Relay, Swing
 
 START = Level(jnp.asarray(0.0))

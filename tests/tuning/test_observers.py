@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from absjax.hybrid.rollout import RolloutError
 from absjax.observers.certificate import certify
 from absjax.plant.wheel import Wheel
+from absjax.results import RolloutError
 from absjax.tyres.surfaces import surface
 from tuning.core.config import ConfigError
 from tuning.core.files import read_json

@@ -15,9 +15,9 @@ import numpy as np
 from absjax.controllers.tracking import AccelerationTracking
 from absjax.controllers.two_phase import TwoPhase
 from absjax.hybrid.rollout import rollout
+from absjax.lanes import over_lanes
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.observers.base import Sample
-from absjax.parameters import lane_axes
 from absjax.plant.brake import Brake
 from absjax.plant.road import ChangingRoad
 from absjax.plant.test_rig import TestRig
@@ -154,10 +154,8 @@ def _two_phase(surfaces: Burckhardt, wheel: Wheel) -> TwoPhase:
 
 @jax.jit
 def _signals(loop: ClosedLoop, trajectory):
-    axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(loop))
-
     def of_run(loop, time, state, mode):
         signals = jax.vmap(loop.signals)(time, state, mode)
         return Sample.of(signals), signals.stiffness, loop.plant.wheel.slip(signals.wheel_speed, signals.vehicle_speed)
 
-    return jax.vmap(of_run, in_axes=(axes, 0, 0, 0))(loop, trajectory.time, trajectory.state, trajectory.mode)
+    return over_lanes(of_run, loop, trajectory.time, trajectory.state, trajectory.mode)

@@ -17,7 +17,6 @@ import numpy as np
 from absjax.controllers.stiffness import StiffnessControl
 from absjax.controllers.two_phase import TwoPhase
 from absjax.hybrid.rollout import rollout
-from absjax.hybrid.system import UNDEFINED
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import FreeRamp
 from absjax.observers.base import Sample
@@ -26,6 +25,7 @@ from absjax.plant.brake import Brake
 from absjax.plant.road import UniformRoad
 from absjax.plant.test_rig import TestRig
 from absjax.plant.wheel import Wheel
+from absjax.results import UNDEFINED
 from absjax.tyres.surfaces import SURFACES
 from tuning.observers.kinds import KINDS
 

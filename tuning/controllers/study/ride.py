@@ -6,10 +6,10 @@ import jax
 import numpy as np
 
 from absjax.hybrid.recording import Trajectory
+from absjax.lanes import over_lanes
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.memory import LOCK_SPEEDS
 from absjax.loop.stop import Stop
-from absjax.parameters import lane_axes
 from absjax.signals import Signals
 
 LARGE_SLIP = 0.5
@@ -29,9 +29,7 @@ class Ride(NamedTuple):
 def signals_along(loop: ClosedLoop, path: Trajectory) -> Signals:
     """The true signals of recorded lanes, arrays (lanes, points)."""
     state = path.state.loop if hasattr(path.state, "loop") else path.state
-    axes = jax.tree.map(lambda axis: None if axis < 0 else 0, lane_axes(loop))
-    over_lanes = jax.vmap(lambda loop, *at: jax.vmap(loop.measured)(*at), in_axes=(axes, 0, 0, 0))
-    return over_lanes(loop, path.time, state, path.mode)
+    return over_lanes(lambda loop, *at: jax.vmap(loop.measured)(*at), loop, path.time, state, path.mode)
 
 
 def ride_of(loop: ClosedLoop, stops: Stop) -> Ride:
