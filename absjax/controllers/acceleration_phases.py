@@ -23,27 +23,26 @@ Source: Pasillas-Lepine 2006; Hoang et al. 2014, Fig. 5; Aguado-Rojas 2019, Fig.
 
 from typing import Any, ClassVar, NamedTuple
 
-import jax
 import jax.numpy as jnp
 
 from absjax._numerics import pick
+from absjax.controllers.base import Controller
 from absjax.controllers.phases import onset_threshold, while_pressed
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
 
-Number = jax.Array | float
 TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
 
 
 class Entered(NamedTuple):
     """What is kept of the last switching; scalars per lane."""
 
-    time: jax.Array
+    time: Any
     """s"""
 
 
 @model
-class AccelerationPhases:
+class AccelerationPhases(Controller):
     """Thresholds eps0..eps5 on x2, and what follows which.
 
     Raises:
@@ -63,17 +62,17 @@ class AccelerationPhases:
     )
     """(lower, higher, by how much at least)"""
 
-    eps0: Number = parameter("eps0, deceleration that ends driver braking, m/s^2", default=50.0, **TUNED)
-    eps1: Number = parameter("eps1, acceleration that ends the release, m/s^2", default=30.0, **TUNED)
-    eps2: Number = parameter("eps2, acceleration that starts the fast apply, m/s^2", default=40.0, **TUNED)
-    eps3: Number = parameter("eps3, acceleration that ends the fast apply, m/s^2", default=20.0, **TUNED)
-    eps4: Number = parameter("eps4, deceleration that ends the slow apply, m/s^2", default=20.0, **TUNED)
-    eps5: Number = parameter("eps5, deceleration that starts the release, m/s^2", default=30.0, **TUNED)
-    eps0_growth: Number = parameter(
-        "by which eps0 grows with the rim's speed, 1/s", default=0.0, low=0.0, trainable=True
+    eps0: Any = parameter("eps0, deceleration that ends driver braking, m/s^2", default=50.0, **TUNED)
+    eps1: Any = parameter("eps1, acceleration that ends the release, m/s^2", default=30.0, **TUNED)
+    eps2: Any = parameter("eps2, acceleration that starts the fast apply, m/s^2", default=40.0, **TUNED)
+    eps3: Any = parameter("eps3, acceleration that ends the fast apply, m/s^2", default=20.0, **TUNED)
+    eps4: Any = parameter("eps4, deceleration that ends the slow apply, m/s^2", default=20.0, **TUNED)
+    eps5: Any = parameter("eps5, deceleration that starts the release, m/s^2", default=30.0, **TUNED)
+    eps0_growth: Any = parameter(
+        "by which eps0 grows with the rim's speed, 1/s", default=0.0, low=0.0, trainable=True, span=(0.0, 4.0)
     )
-    fallback: Number = parameter("share of a threshold at which it is left again", default=0.9, low=0.0, high=0.999)
-    longest_release: Number = parameter("longest release, s", default=0.5, low=0.0, open_low=True)
+    fallback: Any = parameter("share of a threshold at which it is left again", default=0.9, low=0.0, high=0.999)
+    longest_release: Any = parameter("longest release, s", default=0.5, low=0.0, open_low=True)
     ways_back: bool = True
     """whether there is a way out of a release that lasts and of a hold the wheel recovers in; False as published"""
 

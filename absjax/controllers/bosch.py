@@ -25,6 +25,7 @@ import jax.numpy as jnp
 
 from absjax._numerics import pick
 from absjax.controllers.acceleration_phases import TUNED
+from absjax.controllers.base import Controller
 from absjax.controllers.phases import OPEN_VALVE, per_rim, while_pressed
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
@@ -40,13 +41,15 @@ class Reference(NamedTuple):
 
 
 @model
-class BoschLogic:
+class BoschLogic(Controller):
     """Thresholds, rates and times of the eight phases.
 
     Raises:
         ValueError: at construction, unless plus_A is 2 m/s^2 above plus_a at least.
     """
 
+    title: ClassVar[str] = "eight-phase"
+    step: ClassVar[float] = 2e-3
     phases: ClassVar[tuple[str, ...]] = (
         "initial apply",
         "hold",
@@ -58,7 +61,7 @@ class BoschLogic:
         "stepwise apply, pause",
     )
     slots: ClassVar[int] = 3
-    cycle_phase: ClassVar[int] = 2
+    cycle_phase: ClassVar[int | None] = 2
     """the phase whose entry counts a cycle"""
     thresholds: ClassVar[tuple[str, ...]] = ("minus_a", "plus_a", "plus_A")
     """the fields that noise of the measured acceleration keeps from being small"""

@@ -8,13 +8,14 @@ pressure is what the foot gives.
 
 from typing import Any
 
+from absjax.controllers.base import Controller
 from absjax.controllers.phases import onset_threshold, while_pressed
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
 
 
 @model
-class DriverBraking:
+class DriverBraking(Controller):
     """What controllers of XBS and slip begin with."""
 
     eps0: Any = parameter(
@@ -22,7 +23,7 @@ class DriverBraking:
     )
 
     eps0_growth: Any = parameter(
-        "by which eps0 grows with the rim's speed, 1/s; ours", default=0.0, low=0.0, trainable=True
+        "by which eps0 grows with the rim's speed, 1/s; ours", default=0.0, low=0.0, trainable=True, span=(0.0, 4.0)
     )
 
     def driver_guard(self, signals: Signals):

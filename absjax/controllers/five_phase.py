@@ -8,12 +8,12 @@ The thresholds are in `absjax.controllers.acceleration_phases`.
 Source: Pasillas-Lepine 2006; Hoang et al. 2014, Fig. 5; Aguado-Rojas 2019, Fig. 6.6.
 """
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
 from absjax._numerics import pick
-from absjax.controllers.acceleration_phases import TUNED, AccelerationPhases, Number
+from absjax.controllers.acceleration_phases import TUNED, AccelerationPhases
 from absjax.controllers.phases import OPEN_VALVE, per_rim
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
@@ -23,12 +23,14 @@ from absjax.signals import Signals
 class FivePhase(AccelerationPhases):
     """Thresholds eps0..eps5 on x2 and pressure rates u1, u3, u4 of the five-phase algorithm."""
 
+    title: ClassVar[str] = "five-phase"
+    step: ClassVar[float] = 2e-3
     ordered: ClassVar[tuple[tuple[str, str, float], ...]] = (*AccelerationPhases.ordered, ("u4", "u3", 0.0))
     """the fast apply is no slower than the slow one"""
 
-    u1: Number = parameter("u1, release, bar m/s^2", default=6000.0, **TUNED)
-    u3: Number = parameter("u3, fast apply, bar m/s^2", default=4000.0, **TUNED)
-    u4: Number = parameter("u4, slow apply, bar m/s^2", default=2000.0, **TUNED)
+    u1: Any = parameter("u1, release, bar m/s^2", default=6000.0, **TUNED)
+    u3: Any = parameter("u3, fast apply, bar m/s^2", default=4000.0, **TUNED)
+    u4: Any = parameter("u4, slow apply, bar m/s^2", default=2000.0, **TUNED)
 
     def rate(self, signals: Signals, kept, mode):
         """Commanded dPb/dt [bar/s]."""

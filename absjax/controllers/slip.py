@@ -22,6 +22,8 @@ from absjax.signals import Signals
 class SlipControl(DriverBraking):
     """Continuous feedback on wheel slip and the wheel acceleration offset."""
 
+    title: ClassVar[str] = "wheel slip"
+    step: ClassVar[float] = 1e-3
     phases: ClassVar[tuple[str, ...]] = ("driver braking", "control")
     slots: ClassVar[int] = 1
     cycle_phase: ClassVar[int | None] = None
@@ -30,7 +32,7 @@ class SlipControl(DriverBraking):
     """the fields that noise of the measured acceleration keeps from being small"""
 
     wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
-    slip: Any = parameter("lambda*, set point", default=-0.16, low=-1.0, high=0.0, trainable=True)
+    slip: Any = parameter("lambda*, set point", default=-0.16, low=-1.0, high=0.0, trainable=True, span=(-0.5, -0.02))
     pull: Any = parameter("gamma, from slip to acceleration, m/s^2", default=200.0, low=0.0, trainable=True)
     gain: Any = parameter("K, on acceleration, m/s^2", default=500.0, low=0.0, open_low=True, trainable=True)
 

@@ -12,7 +12,7 @@ asks for no more than dPb_max. Where nothing is followed the pressure is held, i
 Source: Hoang et al. 2014, section V, eq. 21-22 (there b < 0 and + b u).
 """
 
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -37,6 +37,9 @@ class Entry(NamedTuple):
 @model
 class AccelerationTracking(AccelerationPhases):
     """Five phases whose pressure changes follow the acceleration instead of a given rate."""
+
+    title: ClassVar[str] = "five-phase, tracking"
+    step: ClassVar[float] = 1e-3
 
     wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
     gain: Any = parameter("alpha, tracking gain, 1/s", default=100.0, low=0.0, open_low=True, trainable=True)

@@ -15,9 +15,12 @@ a brake of unknown efficiency, the apply may never end and the wheel lock. By de
 Source: Aguado-Rojas 2019, section 4.2.
 """
 
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
 
 import jax.numpy as jnp
+import numpy as np
 
 from absjax._numerics import pick
 from absjax.controllers.driver_braking import DriverBraking
@@ -25,6 +28,18 @@ from absjax.controllers.phases import OPEN_VALVE
 from absjax.parameters import model, parameter, part
 from absjax.plant.wheel import Wheel
 from absjax.signals import Signals
+from absjax.tyres.base import Tyre
+
+LOWEST_APPLY = (-0.5, 0.0)
+"""Where a tuner looks for chi_a."""
+REACHED = 0.9
+"""Share of the least XBS that chi_a stays above in tuning, so that rounding cannot take it there."""
+
+
+def _least_stiffness(roads: Mapping[str, Sequence[Tyre]]) -> tuple[float, str]:
+    """The largest of the least XBS, at a locked wheel, of the tyre curves that have a maximum, and its road."""
+    found = ((float(tyre.stiffness(-1.0)), name) for name, tyres in roads.items() for tyre in tyres)
+    return max((pair for pair in found if pair[0] < 0), default=(-math.inf, ""), key=lambda pair: pair[0])
 
 
 @model
@@ -35,9 +50,11 @@ class TwoPhase(DriverBraking):
         ValueError: at construction, unless chi_a <= 0 < chi_b.
     """
 
+    title: ClassVar[str] = "two-phase"
+    step: ClassVar[float] = 1e-3
     phases: ClassVar[tuple[str, ...]] = ("driver braking", "release", "apply", "recovery")
     slots: ClassVar[int] = 2
-    cycle_phase: ClassVar[int] = 1
+    cycle_phase: ClassVar[int | None] = 1
     """the phase whose entry counts a cycle"""
     thresholds: ClassVar[tuple[str, ...]] = ("zref", "eps0")
     """the fields that noise of the measured acceleration keeps from being small"""
@@ -52,11 +69,45 @@ class TwoPhase(DriverBraking):
         default=-0.1,
         high=0.0,
         trainable=True,
+        span=LOWEST_APPLY,
     )
-    chi_b: Any = parameter("chi_b, XBS that ends the release", default=1.0, low=0.0, open_low=True, trainable=True)
-
-    slip_limit: Any = parameter("slip that ends the apply whatever XBS is", default=-1.0, low=-1.0, high=0.0)
+    chi_b: Any = parameter(
+        "chi_b, XBS that ends the release", default=1.0, low=0.0, open_low=True, trainable=True, span=(0.02, 5.0)
+    )
+    slip_limit: Any = parameter(
+        "slip that ends the apply whatever XBS is", default=-1.0, low=-1.0, high=0.0, span=(-1.0, -0.05)
+    )
     recovery: Any = parameter("zref of the recovery, as a multiple", default=3.0, low=0.0, open_low=True)
+
+    @classmethod
+    def spans_on(cls, roads: Mapping[str, Sequence[Tyre]]) -> dict[str, tuple[float, float]]:
+        """chi_a stays above the least XBS of every road that has a maximum."""
+        low, high = LOWEST_APPLY
+        return {"chi_a": (max(low, REACHED * _least_stiffness(roads)[0]), high)}
+
+    def require_roads(self, roads: Mapping[str, Sequence[Tyre]]) -> None:
+        """Check that the apply ends on every road.
+
+        Raises:
+            ValueError: if XBS never falls to chi_a on a road, and the slip is not limited where it never falls below 0.
+        """
+        least, road = _least_stiffness(roads)
+        if np.min(self.chi_a) <= least:
+            raise ValueError(
+                f"chi_a = {np.min(self.chi_a):g} must be above {least:g}, the least XBS of road {road}: "
+                "the apply would never end there"
+            )
+        for name, tyres in roads.items():
+            if np.min(self.slip_limit) <= -1 and any(float(tyre.stiffness(-1.0)) >= 0 for tyre in tyres):
+                raise ValueError(
+                    f"slip_limit = {np.min(self.slip_limit):g} must be above -1: on road {name} XBS never falls "
+                    "below 0, and only the slip can end the apply"
+                )
+
+    def mark_on(self, tyres: Sequence[Tyre]) -> str:
+        """S where only the slip limit ends an apply: XBS never falls to chi_a."""
+        flattest = max(float(tyre.stiffness(-1.0)) for tyre in tyres)
+        return "S" if float(self.chi_a) <= flattest else ""
 
     def at(self, signals: Signals) -> tuple[()]:
         """Nothing is kept."""

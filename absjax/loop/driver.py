@@ -10,13 +10,15 @@ A controller can only take away. When a lifted pedal is back at zero, control ha
 """
 
 from itertools import pairwise
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from absjax.controllers.phases import per_rim
 from absjax.parameters import concrete, model, parameter
+from absjax.signals import Signals
 
 OFF, PRESSING, HELD, LIFTING = range(4)
 """What the foot does."""
@@ -27,18 +29,15 @@ NEVER = -1e6
 class Pedal(NamedTuple):
     """State of the pedal; scalars per lane."""
 
-    level: jax.Array
+    level: Any
     """what the foot has reached, bar"""
-    moves: jax.Array
+    moves: Any
     """how often the foot has pressed or begun to lift"""
 
 
 @model
 class Driver:
     """A foot on the brake pedal. A scenario of a stop: no controller knows it, no tuner may touch it."""
-
-    limits: ClassVar[bool] = True
-    """whether the pressure is held between 0 and the pedal's"""
 
     rate: Any = parameter("pressure rate of the foot, bar/s; a panic stop by default", default=400.0, low=1e-3)
     delay: Any = parameter("time before the foot presses, s", default=0.0, low=0.0)
@@ -52,6 +51,10 @@ class Driver:
         instants = (self.delay, *self.changes)
         if all(concrete(x) for x in instants) and not all(np.all(np.less(a, b)) for a, b in pairwise(instants)):
             raise ValueError(f"Driver.changes = {self.changes} must rise, from above the delay of {self.delay} s")
+
+    def asked(self, rate, phase, signals: Signals):
+        """The rate that is asked for [bar/s]: the controller's, in every phase."""
+        return rate
 
     def at(self, speed) -> Pedal:
         """A pedal at rest."""
@@ -101,6 +104,14 @@ class FreeRamp:
     Source: phase 0 of the five-phase algorithm, Hoang et al. 2014, Fig. 5.
     """
 
-    limits: ClassVar[bool] = False
-
     ramp: Any = parameter("dPb/dt R w in phase 0, bar m/s^2", default=6000.0, low=0.0, open_low=True)
+
+    def asked(self, rate, phase, signals: Signals):
+        """The rate that is asked for [bar/s]: the ramp's in phase 0, then the controller's."""
+        return jnp.where(phase == 0, per_rim(self.ramp, signals), rate)
+
+    def at(self, speed) -> None:
+        """There is no pedal."""
+
+    def pressed(self, speed) -> None:
+        """There is none."""

@@ -91,15 +91,16 @@ def ideal_distance(loop: ClosedLoop, speed: Any, *, horizon: float, step: float 
     Raises:
         ValueError: if the loop has no stop speed or no `absjax.loop.driver.Driver`, or the horizon is not positive.
     """
-    if loop.stop_speed is None or not loop.driver.limits:
+    driver = loop.foot
+    if loop.stop_speed is None or driver is None:
         raise ValueError("an ideal distance needs a loop with a stop_speed and a Driver")
     if not 0 < horizon < math.inf:
         raise ValueError(f"horizon = {horizon} must be a positive number of seconds")
     if concrete(speed) and concrete(loop.stop_speed) and not np.all(np.asarray(speed) > np.asarray(loop.stop_speed)):
         raise ValueError(f"speed = {speed} must be above the stop speed {loop.stop_speed} m/s")
     speed = jnp.asarray(speed, jnp.result_type(float) if not hasattr(speed, "dtype") else speed.dtype)
-    start = Point(speed, 0.0 * speed, loop.driver.at(speed))
-    system = _Ideal(loop.plant, loop.driver, loop.stop_speed)
+    start = Point(speed, 0.0 * speed, driver.at(speed))
+    system = _Ideal(loop.plant, driver, loop.stop_speed)
     end = rollout(system, start, step=step, steps=math.ceil(horizon / step - 1e-9), max_events=24)
-    waited = loop.driver.delay * speed
+    waited = driver.delay * speed
     return jnp.where(end.status == Status.FINISHED, end.state.distance - waited, jnp.inf)

@@ -122,8 +122,7 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
     def begin(loop, point) -> LoopState:
         plant, brake, observer = jax.tree.unflatten(tree, [point[..., i] for i in range(point.shape[-1])])
         zero = 0.0 * point[..., 0]
-        pedal = loop.driver.pressed(zero) if loop.driver.limits else None
-        state = LoopState(plant, brake, pedal, observer, (), Memory.blank(zero))
+        state = LoopState(plant, brake, loop.driver.pressed(zero), observer, (), Memory.blank(zero))
         return state._replace(
             controller=each_lane(lambda loop, told: loop.controller.at(told), loop, _told(loop, state))
         )

@@ -72,3 +72,23 @@ class Memory(NamedTuple):
         zero = 0.0 * speed
         locks = Locks(zero, zero, zero, (zero, zero), (zero, zero))
         return cls(zero, zero, zero, speed, zero, zero, zero, zero, locks)
+
+    def pressed(self, first, time, position) -> "Memory":
+        """After a move of the foot, where it is the `first`: the pedal is touched."""
+        return self._replace(
+            pedal_time=jnp.where(first, time, self.pedal_time),
+            pedal_position=jnp.where(first, position, self.pedal_position),
+        )
+
+    def switched(self, time, speed, position, cycles) -> "Memory":
+        """After a switching of the controller; `cycles`: whether a cycle begins with it."""
+        first = self.onset_time == 0
+        longest = jnp.maximum(self.longest_cycle, time - self.cycle_time)
+        return self._replace(
+            onset_time=jnp.where(first, time, self.onset_time),
+            onset_speed=jnp.where(first, speed, self.onset_speed),
+            onset_position=jnp.where(first, position, self.onset_position),
+            cycles=self.cycles + cycles,
+            cycle_time=jnp.where(cycles, time, self.cycle_time),
+            longest_cycle=jnp.where(cycles & ~first, longest, self.longest_cycle),
+        )

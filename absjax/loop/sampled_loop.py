@@ -56,7 +56,8 @@ class SampledLoop:
         Raises:
             ValueError: if the loop would not tick as often as its sensor expects.
         """
-        expected, period = getattr(self.sensor, "period", None), step * self.tick_every
+        expected = None if self.sensor is None else self.sensor.period
+        period = step * self.tick_every
         if expected is not None and abs(period - expected) > 1e-6 * expected:
             raise ValueError(f"a tick every {period:g} s; the sensor's period is {expected:g} s")
 

@@ -15,7 +15,9 @@ from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+from absjax.observers.certificate import Certificate, Condition, switched_certificate
 from absjax.observers.gains import spectral_radius
 from absjax.observers.switched import constant_stiffness
 from absjax.parameters import model, parameter, part
@@ -64,6 +66,12 @@ class AdaptiveObserver:
         """
         gains = constant_stiffness(wheel).gains([factor], ratio)
         return cls(wheel, gains.plus, gains.minus, jnp.asarray(adaptation), **others)
+
+    def certificate(self) -> Certificate:
+        """What is known of its stability: that of the injection, and adaptation gains that are positive."""
+        names = "G: adaptation of c", "G: adaptation of d"
+        gains = [Condition(n, float(g), 0.0, np.inf) for n, g in zip(names, np.asarray(self.adaptation))]
+        return switched_certificate(constant_stiffness(self.wheel).A, self.plus, self.minus, gains)
 
     def at(self, y) -> AdaptiveState:
         """State before anything is known: the measured y [m/s^2], XBS 0, the road at the start values."""

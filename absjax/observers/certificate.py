@@ -7,14 +7,11 @@ of XBS the published inequalities say the same in terms of the gains; they are l
 """
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
-from absjax.observers.adaptive import AdaptiveObserver
 from absjax.observers.gains import lyapunov
-from absjax.observers.switched import SwitchedObserver, constant_stiffness
 
 EQUAL = 1e-6
 """Relative difference below which two sides of a condition are equal."""
@@ -104,17 +101,29 @@ class Certificate(NamedTuple):
         }
 
 
-def certify(observer: SwitchedObserver | AdaptiveObserver) -> Certificate:
+def certify(observer: Any) -> Certificate:
     """The certificate of one gain set.
 
     Raises:
-        ValueError: if the observer carries an ensemble of gain sets.
+        ValueError: if the observer offers none, or carries an ensemble of gain sets.
     """
-    if isinstance(observer, AdaptiveObserver):
-        A, extra = np.asarray(constant_stiffness(observer.wheel).A), _adaptation(observer)
-    else:
-        A, extra = np.asarray(observer.A, float), ()
-    plus, minus = (np.asarray(K, float) for K in (observer.plus, observer.minus))
+    if not hasattr(observer, "certificate"):
+        raise ValueError(f"{type(observer).__name__} offers no certificate: it has no method certificate()")
+    return observer.certificate()
+
+
+def switched_certificate(A, plus, minus, extra: Iterable[Condition] = ()) -> Certificate:
+    """The certificate of A+ = A - K+ C and A- = -A + K- C, by the number of states with the published inequalities.
+
+    Args:
+        A: (n, n), in scaled time.
+        plus, minus: K+ and K-, (n,).
+        extra: further conditions.
+
+    Raises:
+        ValueError: if the gains are those of an ensemble.
+    """
+    A, plus, minus = (np.asarray(x, float) for x in (A, plus, minus))
     if plus.ndim != 1 or A.ndim != 2:
         raise ValueError(f"one gain set at a time: the gain has shape {plus.shape}")
     C = np.eye(len(plus))[0]
@@ -193,9 +202,3 @@ def _four_states(A, plus, minus) -> Iterable[Condition]:
     names = "xi", "(xi/a)(-a1 - a k2 - a2 k1) + k4", "(-a1 - a2 k1 - a k2 - xi)/(a k4)"
     for name, value, reference in zip(names, shared[1], shared[0]):
         yield Condition(f"Hoang (5.41): {name} of K- as of K+", value, reference, reference, abs(reference))
-
-
-def _adaptation(observer: AdaptiveObserver) -> tuple[Condition, ...]:
-    names = "G: adaptation of c", "G: adaptation of d"
-    values = np.asarray(jax.device_get(observer.adaptation), float)
-    return tuple(Condition(name, float(g), 0.0, np.inf) for name, g in zip(names, values))

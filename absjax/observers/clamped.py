@@ -5,6 +5,8 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
+from absjax.observers.base import Observer
+from absjax.observers.certificate import Certificate, certify
 from absjax.parameters import concrete, model, parameter, part
 
 
@@ -15,13 +17,17 @@ class Clamped:
     On a Burckhardt road XBS lies in (-c3, c1 c2 - c3]; the defaults span the published surfaces.
     """
 
-    observer: Any = part("the observer")
+    observer: Observer = part("the observer")
     low: Any = parameter("smallest XBS", default=-0.9)
     high: Any = parameter("largest XBS", default=35.0)
 
     def __post_init__(self):
         if concrete(self.low) and concrete(self.high) and not np.all(np.less(self.low, self.high)):
             raise ValueError(f"Clamped.low = {self.low} must be below Clamped.high = {self.high}")
+
+    def certificate(self) -> Certificate:
+        """That of the observer, whose state is left alone."""
+        return certify(self.observer)
 
     def at(self, y):
         """State before anything is known."""

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
+from absjax.observers.certificate import Certificate, switched_certificate
 from absjax.observers.gains import GainPair, characteristic, partner, place, spectral_radius
 from absjax.parameters import model, parameter
 from absjax.plant.wheel import Wheel
@@ -85,6 +86,10 @@ class SwitchedObserver:
         """The observer of a model, by pole placement (`LinearModel.gains`)."""
         gains = linear.gains(factors, ratio)
         return cls(linear.A, linear.B, gains.plus, gains.minus)
+
+    def certificate(self) -> Certificate:
+        """What is known of its stability."""
+        return switched_certificate(self.A, self.plus, self.minus)
 
     def at(self, y) -> tuple[jax.Array, ...]:
         """State before anything is known: the measured y [m/s^2], all else zero."""

@@ -1,60 +1,117 @@
-"""What a loop asks of the thing that is braked, and what that asks of a road."""
+"""What a loop asks of the thing that is braked and of its actuator, and what that asks of a road."""
 
-from typing import Protocol
-
-import jax
+from typing import Any, ClassVar, Protocol
 
 from absjax.plant.wheel import Wheel
 from absjax.signals import Signals
 
 
 class Road(Protocol):
-    """What a vehicle asks of a road."""
+    """What a plant asks of a road: a class made by `absjax.parameters.model`."""
 
-    def friction(self, slip: jax.Array, time: jax.Array, distance: jax.Array) -> jax.Array:
+    def friction(self, slip: Any, time: Any, distance: Any) -> Any:
         """mu(lambda) at `time` [s] and `distance` [m]."""
         ...
 
-    def stiffness(self, slip: jax.Array, time: jax.Array, distance: jax.Array) -> jax.Array:
+    def stiffness(self, slip: Any, time: Any, distance: Any) -> Any:
         """XBS = mu'(lambda) at `time` [s] and `distance` [m]."""
         ...
 
-    def peak_friction(self, time: jax.Array, distance: jax.Array) -> jax.Array:
+    def peak_friction(self, time: Any, distance: Any) -> Any:
         """Largest friction to be had at `time` [s] and `distance` [m]."""
         ...
 
 
 class Plant(Protocol):
-    """What a closed loop asks of the thing that is braked."""
+    """What a closed loop asks of the thing that is braked: a class made by `absjax.parameters.model`.
 
-    wheel: Wheel
+    Its state is a pytree of float scalars. It has a field `wheel` and a field `road`.
+    """
 
-    road: Road
+    title: ClassVar[str]
+    """for tables and figures"""
 
-    def flow(self, time, state, pressure):
+    @property
+    def wheel(self) -> Wheel:
+        """The wheel that is braked."""
+        ...
+
+    @property
+    def road(self) -> Road:
+        """The road under it."""
+        ...
+
+    def at(self, speed: Any) -> Any:
+        """State of free rolling at `speed` [m/s]."""
+        ...
+
+    def flow(self, time: Any, state: Any, pressure: Any) -> Any:
         """d(state)/dt under brake pressure [bar]."""
         ...
 
-    def speed_of(self, time, state) -> jax.Array:
+    def speed_of(self, time: Any, state: Any) -> Any:
         """v [m/s]."""
         ...
 
-    def position(self, time, state) -> jax.Array:
+    def position(self, time: Any, state: Any) -> Any:
         """Distance travelled since time 0 [m]."""
         ...
 
-    def signals(self, time, state, pressure) -> Signals:
+    def wheel_speed_of(self, state: Any) -> Any:
+        """w [rad/s]; of a d(state)/dt it is w'."""
+        ...
+
+    def with_wheel_speed(self, state: Any, wheel_speed: Any) -> Any:
+        """The state with another w [rad/s]; a d(state)/dt with another w'."""
+        ...
+
+    def signals(self, time: Any, state: Any, pressure: Any) -> Signals:
         """What the sensors of this plant see."""
         ...
 
 
+class Actuator(Protocol):
+    """What a closed loop asks of a brake actuator: a class made by `absjax.parameters.model`.
+
+    Its state is a NamedTuple of float scalars with a field `commanded`, the integral of the commanded rate [bar].
+    """
+
+    @property
+    def lags(self) -> bool:
+        """Whether the pressure at the wheel comes after the commanded one."""
+        ...
+
+    @property
+    def overshoots(self) -> bool:
+        """Whether the pressure at the wheel may leave the range of what was commanded."""
+        ...
+
+    def at(self, pressure: Any = 0.0) -> Any:
+        """State of rest at `pressure` [bar]."""
+        ...
+
+    def limit(self, rate: Any, state: Any) -> Any:
+        """The commanded rate [bar/s] it can follow: what a valve can do may depend on the pressure."""
+        ...
+
+    def flow(self, state: Any, rate: Any) -> Any:
+        """d(state)/dt under the commanded rate [bar/s], already limited."""
+        ...
+
+    def pressure(self, state: Any) -> Any:
+        """Pressure at the wheel [bar]."""
+        ...
+
+
 def signals_of(plant: Plant, time, state, pressure, wheel_acceleration, vehicle_acceleration) -> Signals:
+    """The signals of a true state, from w' [rad/s^2] and v' [m/s^2]."""
     speed = plant.speed_of(time, state)
-    slip = plant.wheel.slip(state.wheel_speed, speed)
+    wheel_speed = plant.wheel_speed_of(state)
+    slip = plant.wheel.slip(wheel_speed, speed)
     return Signals(
         vehicle_speed=speed,
         vehicle_acceleration=vehicle_acceleration,
-        wheel_speed=state.wheel_speed,
+        wheel_speed=wheel_speed,
         acceleration_offset=plant.wheel.radius * wheel_acceleration - vehicle_acceleration,
         radius=plant.wheel.radius,
         pressure=pressure,

@@ -11,7 +11,6 @@ What bounds the pressure is the driver's, see `absjax.loop.driver`.
 
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 
 from absjax.parameters import model, parameter
@@ -20,11 +19,11 @@ from absjax.parameters import model, parameter
 class BrakeState(NamedTuple):
     """State of the actuator; scalars per lane, None where a piece is absent."""
 
-    commanded: jax.Array
+    commanded: Any
     """integral of the commanded rate, bar"""
-    delay: tuple[jax.Array, jax.Array] | None
+    delay: Any
     """the two states of the Pade approximant, in controllable form"""
-    lagged: jax.Array | None
+    lagged: Any
     """pressure behind the lag, bar"""
 
 
@@ -32,9 +31,9 @@ class BrakeState(NamedTuple):
 class Brake:
     """A brake actuator; without arguments an ideal one, whose pressure is the integral of the command."""
 
-    rate_limit: jax.Array | float | None = parameter("largest |dPb/dt|, bar/s", default=None, low=0.0, open_low=True)
-    lag: jax.Array | float | None = parameter("tau, first-order lag, s", default=None, low=0.0, open_low=True)
-    delay: jax.Array | float | None = parameter("h, pure delay, s", default=None, low=0.0, open_low=True)
+    rate_limit: Any = parameter("largest |dPb/dt|, bar/s", default=None, low=0.0, open_low=True)
+    lag: Any = parameter("tau, first-order lag, s", default=None, low=0.0, open_low=True)
+    delay: Any = parameter("h, pure delay, s", default=None, low=0.0, open_low=True)
 
     def at(self, pressure: Any = 0.0) -> BrakeState:
         """State of rest at `pressure` [bar]."""
@@ -45,7 +44,17 @@ class Brake:
             None if self.lag is None else pressure,
         )
 
-    def limit(self, rate):
+    @property
+    def lags(self) -> bool:
+        """Whether the pressure at the wheel comes after the commanded one."""
+        return self.lag is not None
+
+    @property
+    def overshoots(self) -> bool:
+        """Whether the pressure at the wheel may leave the range of what was commanded: behind the approximant."""
+        return self.delay is not None
+
+    def limit(self, rate, state: BrakeState):
         """The commanded rate [bar/s] the actuator can follow."""
         return rate if self.rate_limit is None else jnp.clip(rate, -self.rate_limit, self.rate_limit)
 

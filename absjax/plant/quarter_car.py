@@ -1,8 +1,6 @@
 """One wheel and its share of the car."""
 
-from typing import NamedTuple
-
-import jax
+from typing import Any, ClassVar, NamedTuple
 
 from absjax.parameters import model, part
 from absjax.plant.base import Road, signals_of
@@ -13,17 +11,19 @@ from absjax.signals import Signals
 class CarState(NamedTuple):
     """State of a quarter car; scalars per lane."""
 
-    speed: jax.Array
+    speed: Any
     """v [m/s]"""
-    wheel_speed: jax.Array
+    wheel_speed: Any
     """w [rad/s]"""
-    distance: jax.Array
+    distance: Any
     """travelled, m"""
 
 
 @model
 class QuarterCar:
     """One wheel and its share of the car; v' = Fx / m. Valid while v > 0."""
+
+    title: ClassVar[str] = "quarter car"
 
     wheel: Wheel = part("the wheel")
     road: Road = part("the road under it")
@@ -50,6 +50,14 @@ class QuarterCar:
     def position(self, time, state: CarState):
         """Distance travelled [m]."""
         return state.distance
+
+    def wheel_speed_of(self, state: CarState):
+        """w [rad/s]."""
+        return state.wheel_speed
+
+    def with_wheel_speed(self, state: CarState, wheel_speed) -> CarState:
+        """The state with another w [rad/s]."""
+        return state._replace(wheel_speed=wheel_speed)
 
     def at(self, speed) -> CarState:
         """State of free rolling at `speed` [m/s]."""

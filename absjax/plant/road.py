@@ -1,8 +1,7 @@
 """Roads: which tyre curve holds where and when."""
 
-from typing import Literal
+from typing import Any, Literal
 
-import jax
 import jax.numpy as jnp
 
 from absjax.parameters import model, parameter, part
@@ -43,8 +42,8 @@ class ChangingRoad:
     """
 
     surfaces: tuple[Tyre, ...] = part("tyre curves, in order")
-    changes: tuple[jax.Array | float, ...] = parameter("x_i, where each blend begins, s or m")
-    blend: jax.Array | float = parameter("length of a blend, s or m", default=0.025, low=0.0, open_low=True)
+    changes: tuple[Any, ...] = parameter("x_i, where each blend begins, s or m")
+    blend: Any = parameter("length of a blend, s or m", default=0.025, low=0.0, open_low=True)
     along: Literal["time", "distance"] = "time"
 
     def __post_init__(self):
@@ -79,6 +78,6 @@ def as_road(road_or_tyre) -> Road:
     """A road from a road, a tyre curve, or the name of a published surface."""
     if isinstance(road_or_tyre, str):
         return UniformRoad(surface(road_or_tyre))
-    if isinstance(road_or_tyre, (UniformRoad, ChangingRoad)) or not hasattr(road_or_tyre, "curvature"):
+    if hasattr(road_or_tyre, "peak_friction"):
         return road_or_tyre
     return UniformRoad(road_or_tyre)

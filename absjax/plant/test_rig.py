@@ -1,8 +1,6 @@
 """A braked wheel on a drum."""
 
-from typing import NamedTuple
-
-import jax
+from typing import Any, ClassVar, NamedTuple
 
 from absjax.parameters import model, parameter, part
 from absjax.plant.base import Road, signals_of
@@ -13,7 +11,7 @@ from absjax.signals import Signals
 class RigState(NamedTuple):
     """State of a test rig; scalars per lane."""
 
-    wheel_speed: jax.Array
+    wheel_speed: Any
     """w [rad/s]"""
 
 
@@ -22,11 +20,12 @@ class TestRig:
     """A braked wheel on a drum whose surface speed is imposed: v = speed + acceleration * time."""
 
     __test__ = False
+    title: ClassVar[str] = "test rig"
 
     wheel: Wheel = part("the wheel")
     road: Road = part("the surface of the drum")
-    speed: jax.Array | float = parameter("v at time 0, m/s", low=0.0, open_low=True)
-    acceleration: jax.Array | float = parameter("v', m/s^2", default=0.0)
+    speed: Any = parameter("v at time 0, m/s", low=0.0, open_low=True)
+    acceleration: Any = parameter("v', m/s^2", default=0.0)
 
     def speed_of(self, time, state=None):
         """v(time) [m/s]."""
@@ -49,6 +48,14 @@ class TestRig:
         """Signals of the true state."""
         slope = self.flow(time, state, pressure)
         return signals_of(self, time, state, pressure, slope.wheel_speed, self.acceleration + 0.0 * slope.wheel_speed)
+
+    def wheel_speed_of(self, state: RigState):
+        """w [rad/s]."""
+        return state.wheel_speed
+
+    def with_wheel_speed(self, state: RigState, wheel_speed) -> RigState:
+        """The state with another w [rad/s]."""
+        return state._replace(wheel_speed=wheel_speed)
 
     def at(self, speed) -> RigState:
         """State of free rolling at drum speed `speed` [m/s]."""

@@ -5,7 +5,7 @@
 Source: Aguado-Rojas 2019, section 2.1; Hoang et al. 2014, eq. 1-4.
 """
 
-import jax
+from typing import Any
 
 from absjax.parameters import model, parameter
 
@@ -17,10 +17,10 @@ GRAVITY = 9.81
 class Wheel:
     """A braked wheel and the load it carries."""
 
-    inertia: jax.Array | float = parameter("J, kg m^2", default=1.2, low=0.0, open_low=True)
-    radius: jax.Array | float = parameter("R, m", default=0.3, low=0.0, open_low=True)
-    load: jax.Array | float = parameter("Fz, vertical load, N", default=2500.0, low=0.0, open_low=True)
-    brake_efficiency: jax.Array | float = parameter("gamma_b, N m/bar", default=17.5, low=0.0, open_low=True)
+    inertia: Any = parameter("J, kg m^2", default=1.2, low=0.0, open_low=True)
+    radius: Any = parameter("R, m", default=0.3, low=0.0, open_low=True)
+    load: Any = parameter("Fz, vertical load, N", default=2500.0, low=0.0, open_low=True)
+    brake_efficiency: Any = parameter("gamma_b, N m/bar", default=17.5, low=0.0, open_low=True)
 
     @property
     def mass(self):

@@ -8,7 +8,7 @@ with R^ the radius the unit takes the wheel to have. Reproducible: the noise of 
 """
 
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -27,6 +27,9 @@ def _normal(seed, tick, dtype):
 @model
 class NoisySensor:
     """The true signals but for white noise and a wrong radius. It has no state."""
+
+    period: ClassVar[float | None] = None
+    """it is for any pace"""
 
     noise: Any = parameter("sigma, standard deviation of a sample of x2, m/s^2", default=0.0, low=0.0)
     radius: Any = parameter("R^, m; None: the true one", default=None, low=0.0, open_low=True)

@@ -5,28 +5,39 @@ lambda. The extended braking stiffness (XBS) is mu'(lambda): positive on the sta
 negative beyond it.
 """
 
-from typing import NamedTuple, Protocol
+from typing import Any, ClassVar, NamedTuple, Protocol
 
-import jax
 import jax.numpy as jnp
 
 
 class Peak(NamedTuple):
     """Largest friction for slips of magnitude 0 to 1, and the magnitude of slip where it lies."""
 
-    slip: jax.Array
-    friction: jax.Array
+    slip: Any
+    friction: Any
 
 
 class Tyre(Protocol):
-    """What roads ask of a tyre curve; arrays broadcast."""
+    """What roads, tuning and identification ask of a tyre curve; arrays broadcast.
 
-    def friction(self, slip: jax.Array) -> jax.Array:
+    A tyre is a class made by `absjax.parameters.model`, its coefficients scalars made by `parameter`, those that are
+    identified from a log `trainable`, with a `span` in which they are looked for. Derivatives with respect to them are
+    taken by JAX.
+    """
+
+    title: ClassVar[str]
+    """for tables and figures"""
+
+    def friction(self, slip: Any) -> Any:
         """mu(lambda), no unit."""
         ...
 
-    def stiffness(self, slip: jax.Array) -> jax.Array:
+    def stiffness(self, slip: Any) -> Any:
         """XBS = mu'(lambda), no unit."""
+        ...
+
+    def peak(self) -> Peak:
+        """Largest friction for slips of magnitude 0 to 1, and where it lies."""
         ...
 
 

@@ -1,6 +1,7 @@
 """Burckhardt's curve."""
 
-import jax
+from typing import Any, ClassVar
+
 import jax.numpy as jnp
 
 from absjax.parameters import model, parameter
@@ -14,9 +15,11 @@ class Burckhardt:
     Coefficients are stored positive, for braking and driving alike. Source: Aguado-Rojas 2019, eq. 2.5.
     """
 
-    c1: jax.Array | float = parameter("c1, friction of the saturated curve, no unit", low=0.0, trainable=True)
-    c2: jax.Array | float = parameter("c2, how fast it saturates with slip, no unit", low=0.0, trainable=True)
-    c3: jax.Array | float = parameter("c3, loss of friction with slip, no unit", low=0.0, trainable=True)
+    title: ClassVar[str] = "Burckhardt"
+
+    c1: Any = parameter("c1, friction of the saturated curve, no unit", low=0.0, trainable=True, span=(0.02, 2.0))
+    c2: Any = parameter("c2, how fast it saturates with slip, no unit", low=0.0, trainable=True, span=(3.0, 400.0))
+    c3: Any = parameter("c3, loss of friction with slip, no unit", low=0.0, trainable=True, span=(1e-3, 1.5))
 
     def friction(self, slip):
         """mu(lambda)."""

@@ -1,5 +1,7 @@
 """A curve that is linear in its coefficients, on two exponentials of given rates."""
 
+from typing import Any, ClassVar
+
 import jax
 import jax.numpy as jnp
 
@@ -17,11 +19,13 @@ class ExponentialBasis:
     Source: Hoang et al. 2014, eq. 18.
     """
 
-    theta0: jax.Array | float = parameter("th0, linear coefficient, no unit")
-    theta1: jax.Array | float = parameter("th1, coefficient of the slow exponential, no unit")
-    theta2: jax.Array | float = parameter("th2, coefficient of the fast exponential, no unit")
-    rate1: jax.Array | float = parameter("d1, slow rate, no unit", default=22.0, low=0.0, open_low=True)
-    rate2: jax.Array | float = parameter("d2, fast rate, no unit", default=52.0, low=0.0, open_low=True)
+    title: ClassVar[str] = "exponential basis"
+
+    theta0: Any = parameter("th0, linear coefficient, no unit", trainable=True, span=(-2.0, 1.0))
+    theta1: Any = parameter("th1, coefficient of the slow exponential, no unit", trainable=True, span=(-80.0, 80.0))
+    theta2: Any = parameter("th2, coefficient of the fast exponential, no unit", trainable=True, span=(-80.0, 80.0))
+    rate1: Any = parameter("d1, slow rate, no unit", default=22.0, low=0.0, open_low=True)
+    rate2: Any = parameter("d2, fast rate, no unit", default=52.0, low=0.0, open_low=True)
 
     def basis(self, slip):
         """The three functions th0, th1, th2 multiply, stacked on the last axis."""

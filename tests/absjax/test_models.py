@@ -125,7 +125,7 @@ class Ramp(Smooth):
     brake: Brake = part("brake")
 
     def flow(self, time, state, mode):
-        return self.brake.flow(state, self.brake.limit(jnp.ones_like(state.commanded)))
+        return self.brake.flow(state, self.brake.limit(jnp.ones_like(state.commanded), state))
 
 
 def sampled_by_hand(loop, speed, step, steps, every, delay):
