@@ -8,7 +8,7 @@ BIN := $(VENV)/bin
 $(VENV)/.base: pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python >= 3.11 is needed; set PYTHON=...")'
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --editable .
+	$(BIN)/python -m pip install --quiet --editable '.[tuning]'
 	touch $@
 
 $(VENV)/.dev: $(VENV)/.base

@@ -13,6 +13,7 @@ from typing import Any, TypeVar, dataclass_transform
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 T = TypeVar("T")
 
@@ -67,7 +68,7 @@ def parameter(
 
 def concrete(value: Any) -> bool:
     """Whether `value` is known, not traced by a transformation: only then can it be checked."""
-    return not isinstance(value, jax.core.Tracer)
+    return not isinstance(value, Tracer)
 
 
 def _check(owner: str, field: dataclasses.Field, value: Any) -> None:
@@ -122,23 +123,23 @@ def model(cls: type[T]) -> type[T]:
             own_post_init(self)
         _check_order(self)
 
-    cls.__post_init__ = __post_init__
-    cls = dataclasses.dataclass(frozen=True)(cls)
-    leaves = tuple(f.name for f in dataclasses.fields(cls) if f.metadata.get("leaf") or f.metadata.get("part"))
-    static = tuple(f.name for f in dataclasses.fields(cls) if f.name not in leaves)
+    setattr(cls, "__post_init__", __post_init__)  # noqa: B010
+    made: Any = dataclasses.dataclass(frozen=True)(cls)
+    leaves = tuple(f.name for f in dataclasses.fields(made) if f.metadata.get("leaf") or f.metadata.get("part"))
+    static = tuple(f.name for f in dataclasses.fields(made) if f.name not in leaves)
 
     def flatten(instance):
         children = tuple((jax.tree_util.GetAttrKey(name), getattr(instance, name)) for name in leaves)
         return children, tuple(getattr(instance, name) for name in static)
 
     def unflatten(aux, children):
-        instance = object.__new__(cls)
+        instance = object.__new__(made)
         for name, value in zip(leaves + static, tuple(children) + aux):
             object.__setattr__(instance, name, value)
         return instance
 
-    jax.tree_util.register_pytree_with_keys(cls, flatten, unflatten)
-    return cls
+    jax.tree_util.register_pytree_with_keys(made, flatten, unflatten)
+    return made
 
 
 def bounds_of(instance_or_class: Any) -> dict[str, Bounds]:

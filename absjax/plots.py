@@ -1,16 +1,19 @@
 """Figures of models and rollouts. Each function draws into the axes it is given."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import jax
-import matplotlib.axes
 import numpy as np
 
 from absjax.hybrid.rollout import Trajectory
 from absjax.loop.closed_loop import ClosedLoop, LoopState
+from absjax.loop.sampled_loop import loop_state
+
+if TYPE_CHECKING:
+    import matplotlib.axes
 
 
-def speeds(axes: matplotlib.axes.Axes, trajectory: Trajectory, radius: float, label: str = "") -> None:
+def speeds(axes: "matplotlib.axes.Axes", trajectory: Trajectory, radius: float, label: str = "") -> None:
     """Vehicle speed and wheel rim speed of one lane against time."""
     valid = np.asarray(trajectory.valid)
     time, plant = np.asarray(trajectory.time)[valid], trajectory.state.plant
@@ -21,7 +24,7 @@ def speeds(axes: matplotlib.axes.Axes, trajectory: Trajectory, radius: float, la
     axes.grid(alpha=0.3)
 
 
-def phase_plane(axes: matplotlib.axes.Axes, loop: ClosedLoop, trajectory: Trajectory, **line: Any) -> None:
+def phase_plane(axes: "matplotlib.axes.Axes", loop: ClosedLoop, trajectory: Trajectory, **line: Any) -> None:
     """Wheel acceleration offset x2 against slip of one lane."""
     valid = np.asarray(trajectory.valid)
     time, state = np.asarray(trajectory.time)[valid], _valid(trajectory.state, valid)
@@ -40,7 +43,7 @@ def stop_panels(axes, loop: ClosedLoop, trajectory: Trajectory, label: str = "")
     """Speeds, slip, pressure and phases of one lane against time, into four axes."""
     valid = np.asarray(trajectory.valid)
     path = jax.tree.map(lambda leaf: np.asarray(leaf)[valid], trajectory)
-    state = path.state.loop if hasattr(path.state, "loop") else path.state
+    state = loop_state(path.state)
     signals = jax.vmap(loop.measured)(path.time, state, path.mode)
     speeds, slip, pressure, phase = axes
     speeds.plot(path.time, signals.vehicle_speed, "k", label="vehicle")

@@ -6,7 +6,7 @@
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tuning.controllers.results import load_controller, load_result, plot_stop
+    from tuning.controllers.load import load_controller, load_result, plot_stop
 
 __all__ = ["load_controller", "load_result", "plot_stop"]
 
@@ -14,7 +14,7 @@ __all__ = ["load_controller", "load_result", "plot_stop"]
 def __getattr__(name: str) -> Any:
     # Imported when asked for: the command line starts without them.
     if name in __all__:
-        from tuning.controllers import results
+        from tuning.controllers import load
 
-        return getattr(results, name)
+        return getattr(load, name)
     raise AttributeError(f"module 'tuning' has no attribute {name!r}")

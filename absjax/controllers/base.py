@@ -21,7 +21,7 @@ class Controller(Protocol):
 
     title: ClassVar[str]
     """for tables and figures"""
-    step: ClassVar[float]
+    grid_step: ClassVar[float]
     """grid step that does for the default parameters, s"""
     phases: ClassVar[tuple[str, ...]]
     """their names"""

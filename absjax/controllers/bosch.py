@@ -49,7 +49,7 @@ class BoschLogic(Controller):
     """
 
     title: ClassVar[str] = "eight-phase"
-    step: ClassVar[float] = 2e-3
+    grid_step: ClassVar[float] = 2e-3
     phases: ClassVar[tuple[str, ...]] = (
         "initial apply",
         "hold",

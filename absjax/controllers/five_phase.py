@@ -24,7 +24,7 @@ class FivePhase(AccelerationPhases):
     """Thresholds eps0..eps5 on x2 and pressure rates u1, u3, u4 of the five-phase algorithm."""
 
     title: ClassVar[str] = "five-phase"
-    step: ClassVar[float] = 2e-3
+    grid_step: ClassVar[float] = 2e-3
     ordered: ClassVar[tuple[tuple[str, str, float], ...]] = (*AccelerationPhases.ordered, ("u4", "u3", 0.0))
     """the fast apply is no slower than the slow one"""
 

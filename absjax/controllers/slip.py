@@ -23,7 +23,7 @@ class SlipControl(DriverBraking):
     """Continuous feedback on wheel slip and the wheel acceleration offset."""
 
     title: ClassVar[str] = "wheel slip"
-    step: ClassVar[float] = 1e-3
+    grid_step: ClassVar[float] = 1e-3
     phases: ClassVar[tuple[str, ...]] = ("driver braking", "control")
     slots: ClassVar[int] = 1
     cycle_phase: ClassVar[int | None] = None

@@ -27,7 +27,7 @@ class StiffnessControl(DriverBraking):
     """Continuous feedback on the wheel acceleration offset and XBS, for a road of known c2 and c3."""
 
     title: ClassVar[str] = "continuous, true XBS"
-    step: ClassVar[float] = 1e-3
+    grid_step: ClassVar[float] = 1e-3
     phases: ClassVar[tuple[str, ...]] = ("driver braking", "control")
     slots: ClassVar[int] = 1
     cycle_phase: ClassVar[int | None] = None

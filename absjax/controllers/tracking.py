@@ -39,7 +39,7 @@ class AccelerationTracking(AccelerationPhases):
     """Five phases whose pressure changes follow the acceleration instead of a given rate."""
 
     title: ClassVar[str] = "five-phase, tracking"
-    step: ClassVar[float] = 1e-3
+    grid_step: ClassVar[float] = 1e-3
 
     wheel: Wheel = part("wheel and brake as the controller knows them", default=Wheel())
     gain: Any = parameter("alpha, tracking gain, 1/s", default=100.0, low=0.0, open_low=True, trainable=True)

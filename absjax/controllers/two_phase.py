@@ -51,7 +51,7 @@ class TwoPhase(DriverBraking):
     """
 
     title: ClassVar[str] = "two-phase"
-    step: ClassVar[float] = 1e-3
+    grid_step: ClassVar[float] = 1e-3
     phases: ClassVar[tuple[str, ...]] = ("driver braking", "release", "apply", "recovery")
     slots: ClassVar[int] = 2
     cycle_phase: ClassVar[int | None] = 1

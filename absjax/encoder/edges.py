@@ -6,7 +6,7 @@ precision, or in clock ticks of 32 bits.
 """
 
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -29,9 +29,9 @@ BACKWARDS = 1e-9
 class Edges(NamedTuple):
     """Edges between two samples, oldest first; or of a log, arrays with axes (samples,) or (lanes, samples) before."""
 
-    ages: jax.Array
+    ages: Any
     """time from the edge to the sample, s or clock ticks, shape (capacity,); those past the count mean nothing"""
-    count: jax.Array
+    count: Any
     """number of edges, int32"""
 
 

@@ -76,7 +76,7 @@ class Encoder:
             rng = np.random.default_rng(one)
             return rng.uniform(-tolerance, tolerance, teeth), rng.uniform(0.0, 2 * np.pi)
 
-        if np.ndim(seed) == 0:
+        if isinstance(seed, int | np.integer):
             deviation, phase = draw(seed)
         else:
             deviation, phase = (np.stack(values) for values in zip(*map(draw, seed)))

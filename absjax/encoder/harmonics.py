@@ -69,14 +69,17 @@ class HarmonicCompensation:
     """whether the regressor is filtered as the signal is; False is the published law"""
     through_edges: bool = False
     """whether the regressor is made as the signal is, of the edges; False is the published one, of the signals"""
-    forgetting: Any = parameter("beta, 1/s", default=0.1, **TUNED)
-    cutoff: Any = parameter("of the high-pass filter, Hz", default=5.0, **TUNED)
-    gain: Any = parameter("g, initial G over its steady value 2 beta sum k^(2 p) / k^(2 p)", default=1000.0, **TUNED)
+    forgetting: Any = parameter("beta, 1/s", default=0.1, span=(0.01, 10.0), **TUNED)
+    cutoff: Any = parameter("of the high-pass filter, Hz", default=5.0, span=(0.2, 30.0), **TUNED)
+    gain: Any = parameter(
+        "g, initial G over its steady value 2 beta sum k^(2 p) / k^(2 p)", default=1000.0, span=(1.0, 1e6), **TUNED
+    )
     kappa: Any = parameter("of the normalisation; only G / kappa matters", default=1.0, low=0.0, open_low=True)
     slowest: Any = parameter("wheel speed below which nothing is learned, rad/s", default=10.0, low=0.0)
     gate: Any = parameter(
         "acceleration, low-passed with the same cut-off, at which samples weigh half, rad/s^2; None: they all weigh 1",
         default=None,
+        span=(5.0, 1e4),
         **TUNED,
     )
     active: Any = parameter("M, of which only the lowest so many are used; None: all", default=None, low=1.0)
@@ -130,32 +133,32 @@ class HarmonicCompensation:
             pairs = jnp.stack([cosine * a - sine * b, -sine * a - cosine * b], axis=-1)
         return pairs.reshape(-1) * self._used(angle.dtype)
 
-    def clean(self, learned: Learned, measured: Measured, period) -> tuple[Learned, jax.Array]:
+    def clean(self, state: Learned, measured: Measured, period) -> tuple[Learned, jax.Array]:
         """The state after a sample, and the signal as compensated with it; `period` Ts [s]."""
         value = getattr(measured.rotation, self.signal)
         phi = self.regressor(measured)
-        begun = learned.begun > 0
-        signal = _high_pass(self.cutoff, learned.signal, value, begun, period)
-        filtered = _high_pass(self.cutoff, learned.regressor, phi, begun, period)
-        transient = _high_pass(self.cutoff, learned.transient, measured.rotation.acceleration, begun, period)
+        begun = state.begun > 0
+        signal = _high_pass(self.cutoff, state.signal, value, begun, period)
+        filtered = _high_pass(self.cutoff, state.regressor, phi, begun, period)
+        transient = _high_pass(self.cutoff, state.transient, measured.rotation.acceleration, begun, period)
         x = filtered[1] if self.filter_regressor else phi
 
         weight = ((measured.rotation.speed > self.slowest) & begun).astype(value.dtype)
         if self.gate is not None:
             weight = weight / (1 + ((transient[0] - transient[1]) / self.gate) ** GATE_ORDER)
         held = period * weight
-        gx = jnp.sum(learned.covariance * x, axis=-1)
+        gx = jnp.sum(state.covariance * x, axis=-1)
         m2 = 1 + self.kappa * jnp.sum(self._weights(value.dtype) * x * x)
         step = held / (m2 + held * jnp.sum(x * gx))
-        scaled = learned.scaled + step * gx * (signal[1] - jnp.sum(x * learned.scaled))
+        scaled = state.scaled + step * gx * (signal[1] - jnp.sum(x * state.scaled))
         # The outer product first: it is symmetric to the last bit, and what is not would grow with the forgetting.
         taken = step * (gx[:, None] * gx[None, :])
-        covariance = jnp.exp(self.forgetting * held) * (learned.covariance - taken)
+        covariance = jnp.exp(self.forgetting * held) * (state.covariance - taken)
         # What is known never falls below what was at the start.
         most, trace = jnp.sum(self._initial(value.dtype)), jnp.trace(covariance)
         covariance = covariance * jnp.minimum(1.0, safe_divide(most, trace, trace > most, 1.0))
         known = Learned(scaled, covariance, signal, filtered, transient, jnp.ones_like(value))
-        known = tree_where(measured.regular, known, dataclasses.replace(learned, begun=jnp.zeros_like(value)))
+        known = tree_where(measured.regular, known, dataclasses.replace(state, begun=jnp.zeros_like(value)))
         return known, value - jnp.sum(phi * known.scaled)
 
 

@@ -46,12 +46,17 @@ class NotchFilter:
         if self.signal not in ("speed", "acceleration"):
             raise ValueError(f"NotchFilter.signal = {self.signal!r} must be speed or acceleration")
 
+    @property
+    def harmonics(self) -> int:
+        """It takes the first off."""
+        return 1
+
     def at(self, dtype) -> Notched:
         """At rest."""
         zero = jnp.zeros((), dtype)
         return Notched(zero, zero, zero, zero)
 
-    def clean(self, notched: Notched, measured: Measured, period) -> tuple[Notched, jax.Array]:
+    def clean(self, state: Notched, measured: Measured, period) -> tuple[Notched, jax.Array]:
         """The state after a sample, and the signal as filtered; `period` Ts [s].
 
         The filter begins in the steady state of its first valid sample.
@@ -61,13 +66,13 @@ class NotchFilter:
         half = jnp.tan(0.5 * turned)
         drive = 2 * (self.depth - self.width) * value
         # z+ - z = half (A (z + z+) + 2 b (drive + drive+)), b = (0, 1/2)
-        z1, z2 = notched.z1, notched.z2
+        z1, z2 = state.z1, state.z2
         r1 = z1 + half * z2
-        r2 = z2 - half * (z1 + 2 * self.width * z2) + half * (notched.drive + drive)
+        r2 = z2 - half * (z1 + 2 * self.width * z2) + half * (state.drive + drive)
         damped = 1 + 2 * self.width * half
         share = 1 / (damped + half**2)
         begun = jnp.ones_like(value)
         after = Notched((damped * r1 + half * r2) * share, (r2 - half * r1) * share, drive, begun)
-        after = tree_where(notched.begun > 0, after, Notched(drive, jnp.zeros_like(value), drive, begun))
-        after = tree_where(measured.valid, after, dataclasses.replace(notched, begun=jnp.zeros_like(value)))
+        after = tree_where(state.begun > 0, after, Notched(drive, jnp.zeros_like(value), drive, begun))
+        after = tree_where(measured.valid, after, dataclasses.replace(state, begun=jnp.zeros_like(value)))
         return after, jnp.where(measured.valid, value + after.z2, value)

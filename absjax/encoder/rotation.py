@@ -4,7 +4,7 @@ Between two instants the angle is the quintic Hermite polynomial of angle, speed
 its error is (period^6 / 46080) d^6 th/dt^6 where the motion is smooth.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -13,11 +13,11 @@ import jax.numpy as jnp
 class Rotation(NamedTuple):
     """Motion of a wheel at an instant; or at equally spaced ones, arrays (samples,)."""
 
-    angle: jax.Array
+    angle: Any
     """th [rad]"""
-    speed: jax.Array
+    speed: Any
     """w = th' [rad/s], >= 0"""
-    acceleration: jax.Array
+    acceleration: Any
     """w' [rad/s^2]"""
 
     @classmethod

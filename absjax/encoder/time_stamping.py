@@ -70,8 +70,8 @@ class Measured(NamedTuple):
 
     rotation: Rotation
     """th [rad] in [0, 2 pi), from the first edge seen; w [rad/s] >= 0; w' [rad/s^2]"""
-    weights: Weights | None
-    """of the edges in speed and acceleration; not kept over a log"""
+    weights: Any
+    """`Weights` of the edges in speed and acceleration; None over a log, where they are not kept"""
     valid: jax.Array
     """n edges have been seen since the wheel last stood"""
     regular: jax.Array

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
+from absjax.contracts import require_contract
 from absjax.encoder.edges import Edges
 from absjax.encoder.time_stamping import Measured, Stamps, TimeStamping
 from absjax.lanes import lane_axes, lane_count, mapped
@@ -17,16 +18,26 @@ from absjax.parameters import concrete, model, part
 
 
 class Compensation(Protocol):
-    """What takes the encoder's errors off one of the signals. Scalars per lane."""
+    """What takes the encoder's errors off one of the signals: a class made by `absjax.parameters.model`.
 
-    signal: str
-    """speed or acceleration"""
+    Scalars per lane.
+    """
 
-    def at(self, dtype) -> Any:
+    @property
+    def signal(self) -> str:
+        """speed or acceleration"""
+        ...
+
+    @property
+    def harmonics(self) -> int:
+        """How many harmonics of the wheel's frequency it tells apart."""
+        ...
+
+    def at(self, dtype: Any) -> Any:
         """State before any sample."""
         ...
 
-    def clean(self, state, measured: Measured, period) -> tuple[Any, jax.Array]:
+    def clean(self, state: Any, measured: Measured, period: Any) -> tuple[Any, jax.Array]:
         """State after a sample, and the signal without the errors."""
         ...
 
@@ -61,9 +72,12 @@ class WheelSpeedChain:
     def __post_init__(self):
         for name in ("speed", "acceleration"):
             compensation = getattr(self, name)
-            if compensation is not None and getattr(compensation, "signal", name) != name:
+            if compensation is None:
+                continue
+            require_contract(compensation, Compensation)
+            if compensation.signal != name:
                 raise ValueError(f"WheelSpeedChain.{name} compensates the {compensation.signal}")
-            if 2 * getattr(compensation, "harmonics", 0) >= self.stamping.teeth:
+            if 2 * compensation.harmonics >= self.stamping.teeth:
                 raise ValueError(
                     f"WheelSpeedChain.{name} has {compensation.harmonics} harmonics; {self.stamping.teeth} teeth tell "
                     f"{(self.stamping.teeth - 1) // 2} apart"

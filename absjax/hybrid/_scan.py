@@ -89,7 +89,11 @@ def _segment(system_axes, plan: Plan):
             path = (tuple(following) if plan.save else None, (*carry, d_step) if keep_trace else None)
             return tuple(following), path
 
-        dense = partial(jax.tree.map, lambda t: jnp.zeros(t.shape, t.dtype) if isinstance(t, SymbolicZero) else t)
+        def filled(t: Any):
+            is_zero = isinstance(t, SymbolicZero)
+            return jnp.zeros(t.shape, t.dtype) if is_zero else t
+
+        dense = partial(jax.tree.map, filled)
         is_zero = {"is_leaf": lambda t: isinstance(t, SymbolicZero)}
         start = (dense(tangents[2].state, **is_zero), dense(tangents[2].left, **is_zero))
         (d_state, d_left), (d_path, d_trace) = lax.scan(jax.checkpoint(tangent, prevent_cse=False), start, trace)

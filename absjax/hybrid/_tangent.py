@@ -49,7 +49,7 @@ def tangent(
         return state, guard
 
     at = (parameters, time, lanes.state)
-    (state, _), (d_end, d_guard) = jax.jvp(lambda *x: end(*x, step), at, (d_parameters, -d_left, d_state))
+    (state, _), (d_end, d_guard) = jax.jvp(lambda p, t, x: end(p, t, x, step), at, (d_parameters, -d_left, d_state))
     d_step = jnp.zeros_like(step)
     normal = lanes.doing == NORMAL
     if switches:

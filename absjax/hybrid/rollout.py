@@ -62,6 +62,28 @@ class Rollout(NamedTuple):
     trajectory: Trajectory | None
     switches: SwitchLog | None
 
+    @property
+    def path(self) -> Trajectory:
+        """The trajectory.
+
+        Raises:
+            ValueError: if none was kept.
+        """
+        if self.trajectory is None:
+            raise ValueError("no trajectory was kept; roll out with save_every")
+        return self.trajectory
+
+    @property
+    def log(self) -> SwitchLog:
+        """The log of the switchings.
+
+        Raises:
+            ValueError: if none was kept.
+        """
+        if self.switches is None:
+            raise ValueError("no log of the switchings was kept; roll out with save_switches")
+        return self.switches
+
     def raise_if_failed(self) -> "Rollout":
         """Return self.
 
@@ -134,8 +156,9 @@ def rollout(
             raise ValueError(f"{name} = {value} must be an integer >= {least}")
     if concrete(step) and not 0 < float(step) < np.inf:
         raise ValueError(f"step = {step} must be a positive number of seconds")
-    if concrete(step) and hasattr(system, "require_step"):
-        system.require_step(float(step))
+    check = getattr(system, "require_step", None)
+    if concrete(step) and check is not None:
+        check(float(step))
     if save_every > steps:
         raise ValueError(f"save_every = {save_every} exceeds steps = {steps}")
     # Types are settled here, weak ones too, so that equal shapes never compile twice.

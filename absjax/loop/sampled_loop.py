@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 
 from absjax._numerics import first_open, tree_where
+from absjax.contracts import require_contract
 from absjax.loop.closed_loop import ClosedLoop, LoopState
 from absjax.observers.base import Sample
 from absjax.observers.run import advance
@@ -29,6 +30,11 @@ class SampledState(NamedTuple):
     """state of the sensor; None without one"""
 
 
+def loop_state(state: Any) -> LoopState:
+    """The state of the loop within that of a sampled one; that of a located one is its own."""
+    return state.loop if isinstance(state, SampledState) else state
+
+
 @model
 class SampledLoop:
     """The same loop with the controller in an electronic control unit.
@@ -46,6 +52,8 @@ class SampledLoop:
     substeps: int = 1
 
     def __post_init__(self):
+        if self.sensor is not None:
+            require_contract(self.sensor, Sensor)
         for name, least in (("tick_every", 1), ("delay", 0), ("substeps", 1)):
             if getattr(self, name) < least:
                 raise ValueError(f"SampledLoop.{name} = {getattr(self, name)} must be >= {least}")
@@ -93,7 +101,7 @@ class SampledLoop:
         signals, sensor = self.loop.measured(time, loop, mode), None
         if self.sensor is not None:
             signals, sensor = self.sensor.measure(signals, state.sensor)
-        if sampled is not None:
+        if sampled is not None and self.loop.observer is not None:
             then, before = sampled
             sample = Sample.of(signals)
             observed = advance(self.loop.observer, loop.observer, before, sample, time - then, self.substeps)

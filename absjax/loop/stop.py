@@ -10,7 +10,7 @@ import numpy as np
 from absjax._numerics import safe_divide
 from absjax.hybrid.rollout import Rollout, Status, rollout
 from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.sampled_loop import SampledLoop
+from absjax.loop.sampled_loop import SampledLoop, loop_state
 from absjax.parameters import concrete
 from absjax.plant.wheel import GRAVITY
 from absjax.results import UNDEFINED, EndCode, raise_if_failed
@@ -43,6 +43,7 @@ class Stop(NamedTuple):
         lock_time: how long the wheel was locked above 15 km/h, and above 2.5 km/h [s]. Differentiable.
         longest_lock: longest lock above 15 km/h, and above 2.5 km/h [s]. Differentiable.
         locks: how often the wheel locked.
+        end_speed: vehicle speed at the end [m/s].
         outcome: an `Outcome` code.
         rollout: the rollout behind it.
     """
@@ -58,6 +59,7 @@ class Stop(NamedTuple):
     lock_time: tuple[jax.Array, jax.Array]
     longest_lock: tuple[jax.Array, jax.Array]
     locks: jax.Array
+    end_speed: jax.Array
     outcome: jax.Array
     rollout: Rollout
 
@@ -121,7 +123,7 @@ def stop(
 
 
 def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
-    state = result.state.loop if hasattr(result.state, "loop") else result.state
+    state = loop_state(result.state)
     memory, plant = state.memory, state.plant
     end_speed = loop.plant.speed_of(result.time, plant)
     locks = loop.locks(result.time, state, result.mode)
@@ -152,6 +154,7 @@ def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
         lock_time=locks.time,
         longest_lock=locks.longest,
         locks=locks.count,
+        end_speed=end_speed,
         outcome=outcome,
         rollout=result,
     )

@@ -79,7 +79,7 @@ class Certificate(NamedTuple):
     @property
     def decay(self) -> float:
         """Slowest rate in scaled time, of either sign; negative where the error grows."""
-        return float(-max(self.plus.real.max(), self.minus.real.max()))
+        return float(-max(np.real(self.plus).max(), np.real(self.minus).max()))
 
     def __str__(self) -> str:
         verdict = "certified" if self.holds else f"NOT certified: {len(self.failed)} conditions fail"

@@ -8,7 +8,7 @@ with R^ the radius the unit takes the wheel to have. Reproducible: the noise of 
 """
 
 from functools import partial
-from typing import Any, ClassVar
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -28,12 +28,14 @@ def _normal(seed, tick, dtype):
 class NoisySensor:
     """The true signals but for white noise and a wrong radius. It has no state."""
 
-    period: ClassVar[float | None] = None
-    """it is for any pace"""
-
     noise: Any = parameter("sigma, standard deviation of a sample of x2, m/s^2", default=0.0, low=0.0)
     radius: Any = parameter("R^, m; None: the true one", default=None, low=0.0, open_low=True)
     seed: Any = parameter("of the noise, an integer", default=0, low=0.0)
+
+    @property
+    def period(self) -> float | None:
+        """None: it is for any pace."""
+        return None
 
     def at(self, signals: Signals) -> tuple[Signals, tuple[()]]:
         """The signals as measured."""

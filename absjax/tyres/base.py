@@ -27,6 +27,8 @@ class Tyre(Protocol):
 
     title: ClassVar[str]
     """for tables and figures"""
+    beyond_peak: ClassVar[tuple[str, ...]]
+    """coefficients that only slips beyond the peak can tell"""
 
     def friction(self, slip: Any) -> Any:
         """mu(lambda), no unit."""

@@ -16,6 +16,7 @@ class Burckhardt:
     """
 
     title: ClassVar[str] = "Burckhardt"
+    beyond_peak: ClassVar[tuple[str, ...]] = ("c3",)
 
     c1: Any = parameter("c1, friction of the saturated curve, no unit", low=0.0, trainable=True, span=(0.02, 2.0))
     c2: Any = parameter("c2, how fast it saturates with slip, no unit", low=0.0, trainable=True, span=(3.0, 400.0))

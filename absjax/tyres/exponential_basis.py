@@ -20,6 +20,7 @@ class ExponentialBasis:
     """
 
     title: ClassVar[str] = "exponential basis"
+    beyond_peak: ClassVar[tuple[str, ...]] = ()
 
     theta0: Any = parameter("th0, linear coefficient, no unit", trainable=True, span=(-2.0, 1.0))
     theta1: Any = parameter("th1, coefficient of the slow exponential, no unit", trainable=True, span=(-80.0, 80.0))

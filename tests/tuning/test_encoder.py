@@ -12,15 +12,16 @@ from absjax.loop.ideal import ideal_distance
 from tuning.core.config import ConfigError
 from tuning.core.files import read_json
 from tuning.encoder.analysis import order_spectrum, study_log, tooth_errors
-from tuning.encoder.bench import PERIOD, bench_of, filtered_chain, joined, mean_errors, measured_chain, published_chain
+from tuning.encoder.bench import PERIOD, bench_of, joined, mean_errors
 from tuning.encoder.bench import reference as reference_of
+from tuning.encoder.chains import filtered_chain, measured_chain, published_chain
 from tuning.encoder.config import EncoderConfig
 from tuning.encoder.loop import HORIZON, SPEED, braking_loop, course, loop_row
 from tuning.encoder.study import tuned_chain
 from tuning.encoder.tasks import chain_for, tune
 from tuning.encoder.tune import EncoderResult, _costs, _costs_and_gradients, _shape, chain_of, training_benches
-from tuning.logs.brake_log import LogError
 from tuning.logs.edges import EdgeLog, read_edges
+from tuning.logs.tables import LogError
 
 LOG = resources.files("tuning") / "data" / "encoder_edges.csv"
 SMALL = EncoderConfig(

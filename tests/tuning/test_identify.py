@@ -10,7 +10,8 @@ import pytest
 import tuning
 from absjax.plant.wheel import Wheel
 from absjax.tyres.burckhardt import Burckhardt
-from tuning.logs.brake_log import LogError, read_csv
+from tuning.logs.brake_log import read_log
+from tuning.logs.tables import LogError
 from tuning.road.arrow_fit import arrow_fit
 from tuning.road.changes import find_stretches
 from tuning.road.identify import Identification, identify
@@ -21,7 +22,7 @@ DATA = Path(tuning.__file__).parent / "data"
 
 def case(name):
     truth = json.loads((DATA / f"{name}.json").read_text())
-    return read_csv(DATA / f"{name}.csv"), Wheel(load=truth["load"]), truth
+    return read_log(DATA / f"{name}.csv"), Wheel(load=truth["load"]), truth
 
 
 def check(result, truth):

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from tuning.logs.brake_log import LogError, parse_columns, read_csv
+from tuning.logs.brake_log import parse_columns, read_log
+from tuning.logs.tables import LogError
 
 HEADER = ["time_s", "wheel_speed_rad_s", "vehicle_speed_m_s", "brake_pressure_bar", "longitudinal_acceleration_m_s2"]
 
@@ -93,33 +94,33 @@ def test_bad_logs_are_refused(tmp_path, case):
     columns, message = BAD[case]
     path = write(tmp_path / "brake.csv", columns)
     with pytest.raises(LogError, match=message) as error:
-        read_csv(path)
+        read_log(path)
     assert "brake.csv" in str(error.value)
 
 
 def test_files_that_are_no_logs_are_refused(tmp_path):
     with pytest.raises(LogError, match=r"nothing\.csv: no such file"):
-        read_csv(tmp_path / "nothing.csv")
+        read_log(tmp_path / "nothing.csv")
     (tmp_path / "empty.csv").write_text("")
     with pytest.raises(LogError, match=r"empty\.csv: the file is empty"):
-        read_csv(tmp_path / "empty.csv")
+        read_log(tmp_path / "empty.csv")
     (tmp_path / "header.csv").write_text(",".join(HEADER) + "\n")
     with pytest.raises(LogError, match="a header and no samples"):
-        read_csv(tmp_path / "header.csv")
+        read_log(tmp_path / "header.csv")
     (tmp_path / "ragged.csv").write_text("a,b\n1,2\n1,2,3\n")
     with pytest.raises(LogError, match="not a table of comma-separated values"):
-        read_csv(tmp_path / "ragged.csv")
+        read_log(tmp_path / "ragged.csv")
     twice = write(tmp_path / "twice.csv", table(), header=[*HEADER[:4], HEADER[3]])
     with pytest.raises(LogError, match="'brake_pressure_bar' stands twice"):
-        read_csv(twice)
+        read_log(twice)
 
 
 def test_a_good_log_and_its_window(tmp_path):
-    log = read_csv(write(tmp_path / "good.csv", table()), start=0.1, end=0.35)
+    log = read_log(write(tmp_path / "good.csv", table()), start=0.1, end=0.35)
     assert log.time[0] == 0.1 and log.time[-1] == pytest.approx(0.349, abs=2e-3)
     assert log.force is None and log.period == pytest.approx(1e-3)
     with pytest.raises(LogError, match=r"101 samples between 0\.1 s and 0\.2 s, 200 needed"):
-        read_csv(tmp_path / "good.csv", start=0.1, end=0.2)
+        read_log(tmp_path / "good.csv", start=0.1, end=0.2)
 
 
 def test_other_names_and_units(tmp_path):
@@ -135,11 +136,11 @@ def test_other_names_and_units(tmp_path):
         },
     )
     declared = "time=t:ms,wheel_speed=n:rpm,vehicle_speed=v:km/h,brake_pressure=p:MPa,acceleration=a:g"
-    log, plain = read_csv(path, parse_columns(declared)), read_csv(write(tmp_path / "ours.csv", columns))
+    log, plain = read_log(path, parse_columns(declared)), read_log(write(tmp_path / "ours.csv", columns))
     for name in ("time", "wheel_speed", "vehicle_speed", "brake_pressure", "acceleration"):
         np.testing.assert_allclose(getattr(log, name), getattr(plain, name), rtol=1e-12)
     with pytest.raises(LogError, match=r"unit 'knots' is unknown; vehicle_speed may be in m/s, km/h, mph"):
-        read_csv(path, {"vehicle_speed": "v:knots"} | parse_columns("time=t:ms,wheel_speed=n:rpm,brake_pressure=p"))
+        read_log(path, {"vehicle_speed": "v:knots"} | parse_columns("time=t:ms,wheel_speed=n:rpm,brake_pressure=p"))
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from tuning.observers.kinds import KINDS
 
 from absjax.observers.certificate import certify
 from absjax.plant.wheel import Wheel
@@ -14,10 +15,10 @@ from absjax.results import RolloutError
 from absjax.tyres.surfaces import surface
 from tuning.core.config import ConfigError
 from tuning.core.files import read_json
-from tuning.logs.brake_log import BrakeLog, LogError
+from tuning.logs.brake_log import BrakeLog
+from tuning.logs.tables import LogError
 from tuning.observers.bench import bench_of, training_runs
 from tuning.observers.config import ObserverConfig
-from tuning.observers.kinds import KINDS
 from tuning.observers.metrics import crossings, rms, settling, within
 from tuning.observers.scenarios import BLEND, concatenate, simulate
 from tuning.observers.signals import observer_signals

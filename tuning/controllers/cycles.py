@@ -8,12 +8,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from absjax.lanes import lane_count
 from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.limit_cycle import CycleStatus, limit_cycle
+from absjax.loop.limit_cycle import CycleStatus, LimitCycle, limit_cycle
 from tuning.controllers.batch import every_set_on_every_row
-from tuning.controllers.config import TuningConfig
-from tuning.controllers.roads import name_of, stacked
-from tuning.core.search import in_chunks
+from tuning.controllers.setup import Setup
+from tuning.core.problem import in_chunks
+from tuning.core.roads import name_of, stacked
 
 CONTRACTION_CHARGE = 1.0
 """Added to a cost for every unit by which a contraction exceeds the largest allowed."""
@@ -45,18 +46,18 @@ class CycleRow:
         return all(value is not None and value < 1 for value in wanted)
 
 
-def rig_loops(config: TuningConfig) -> ClosedLoop:
+def rig_loops(setup: Setup) -> ClosedLoop:
     """Loops on a rig, a lane for each uniform road and speed, all speeds of the first road first; with the true XBS."""
-    roads, speeds = config.uniform_roads, config.cycle_speeds_kmh
+    roads, speeds = setup.config.uniform_roads, setup.config.cycle_speeds_kmh
     speed = np.tile(np.asarray(speeds) / 3.6, len(roads))
-    config = dataclasses.replace(config, observer=None, observer_parameters={})
-    return config.rig_loop(config.base_controller(), stacked([road for road in roads for _ in speeds]), speed)
+    true = dataclasses.replace(setup, observer=None)
+    return true.rig_loop(setup.controller(), stacked([road for road in roads for _ in speeds]), speed)
 
 
 def charges(loops: ClosedLoop, parameters: Mapping[str, Any], step: float, largest: float):
     """What sets are charged for contractions above the largest allowed, (sets,); parameters are (sets,).
     Differentiable."""
-    rows = loops.plant.speed.shape[0]
+    rows = lane_count(loops.plant, "rigs") or 1
     cycle = limit_cycle(every_set_on_every_row(loops, parameters, rows), step=step)
     found = cycle.status == CycleStatus.FOUND
     excess = jnp.maximum(jnp.where(found, cycle.contraction, 0.0) - largest, 0.0)
@@ -66,35 +67,27 @@ def charges(loops: ClosedLoop, parameters: Mapping[str, Any], step: float, large
 _charges = jax.jit(charges, static_argnames="step")
 
 
-def exact_charges(config: TuningConfig, names: tuple[str, ...], sets: np.ndarray) -> np.ndarray:
+def exact_charges(setup: Setup, names: tuple[str, ...], sets: np.ndarray) -> np.ndarray:
     """`charges` of sets (sets, parameters), in chunks."""
-    loops, step = rig_loops(config), config.kind.step
-    return in_chunks(
-        lambda chunk: _charges(loops, dict(zip(names, chunk.T)), step, config.largest_contraction), sets, CHUNK
-    )
+    loops, limit = rig_loops(setup), (setup.kind.grid_step, setup.config.largest_contraction)
+    return in_chunks(lambda chunk: _charges(loops, dict(zip(names, chunk.T)), *limit), sets, CHUNK)
 
 
-def certify_cycles(config: TuningConfig, parameters: Mapping[str, float]) -> list[CycleRow]:
-    """The limit cycles of a parameter set on the roads of a configuration; none of a controller without cycles."""
-    if config.kind.model.cycle_phase is None or not config.uniform_roads:
+def certify_cycles(setup: Setup, parameters: Mapping[str, float]) -> list[CycleRow]:
+    """The limit cycles of a parameter set on the roads of a setup; none of a controller without cycles."""
+    config = setup.config
+    if setup.kind.cycle_phase is None or not config.uniform_roads:
         return []
-    true = rig_loops(config)
-    controller = dataclasses.replace(true.controller, **parameters)
-    cycle = jax.tree.map(
-        np.asarray, limit_cycle(dataclasses.replace(true, controller=controller), step=config.kind.step)
-    )
-    whole = None
-    if config.observer is not None:
-        observed = dataclasses.replace(true, controller=controller, observer=config.observer_model())
-        whole = jax.tree.map(np.asarray, limit_cycle(observed, step=config.grid_step))
+    true = dataclasses.replace(rig_loops(setup), controller=setup.controller(parameters))
+    cycle, whole = _found(true, setup.kind.grid_step), None
+    if setup.observer is not None:
+        whole = _found(dataclasses.replace(true, observer=setup.observer), setup.step)
 
     def finite(value):
         return float(value) if np.isfinite(value) else None
 
     rows = []
-    for i, (road, speed) in enumerate(
-        (road, speed) for road in config.uniform_roads for speed in config.cycle_speeds_kmh
-    ):
+    for i, (road, speed) in enumerate((r, s) for r in config.uniform_roads for s in config.cycle_speeds_kmh):
         observed = {}
         if whole is not None:
             code = CycleStatus(int(whole.status[i]))
@@ -104,3 +97,7 @@ def certify_cycles(config: TuningConfig, parameters: Mapping[str, float]) -> lis
             CycleRow(name_of(road), speed, found, finite(cycle.period[i]), finite(cycle.contraction[i]), **observed)
         )
     return rows
+
+
+def _found(loop: ClosedLoop, step: float) -> LimitCycle:
+    return jax.tree.map(np.asarray, limit_cycle(loop, step=step))

@@ -5,11 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from tuning.controllers.batch import build, judge
+from tuning.controllers.batch import scored
 from tuning.controllers.config import TuningConfig
-from tuning.controllers.tune import CANDIDATES, WIDEST_SEARCH, TuningResult
-from tuning.core import search
-from tuning.core.search import Progress
+from tuning.controllers.problem import problem_of
+from tuning.controllers.result import TuningResult
+from tuning.core.descent import Progress
+from tuning.core.evolution import refine
 
 TUNED = ("eps0", "eps0_growth", "eps1", "eps2", "eps3", "eps4", "eps5", "u1", "u3", "u4", "fallback")
 
@@ -44,27 +45,26 @@ def limit_costs(result: TuningResult, progress: Progress) -> list[dict[str, Any]
     rows, least = [], None
     for i, (limit, change) in enumerate(ONE_LIMIT.items()):
         config = dataclasses.replace(result.config, **{**WITHOUT_LIMITS, **change})
-        problem, box = build(config), config.box()
-        first = box.valid(box.point(result.parameters)[None])
-
-        def judged(points, problem=problem, box=box):
-            return judge(problem, {name: np.asarray(values) for name, values in box.values(points).items()})
-
-        best, _ = search.refine(
-            lambda points, judged=judged: judged(points).costs,
+        problem = problem_of(config)
+        box, batch = problem.box, problem.batch
+        best, _ = refine(
+            problem.screen,
             box,
-            first,
+            box.valid(box.point(result.parameters)[None]),
             rounds=GENERATIONS,
-            count=CANDIDATES,
-            widest=WIDEST_SEARCH,
+            count=problem.population,
+            widest=problem.widest,
             seed=config.seed,
         )
-        excess = 100 * (judged(best[None]).stops.distance[:, 0] / problem.ideal - 1)
+        distance = np.asarray(scored(batch, box.arrays(best[None])).stops.distance)[:, 0]
+        excess = 100 * (distance / batch.ideal - 1)
         least = float(excess.mean()) if least is None else least
         rows.append(_row(limit, excess, least))
         progress(i + 1, len(ONE_LIMIT), float(excess.mean()))
-    excess = np.array([100 * (row.tuned.distance / row.ideal - 1) for row in result.rows if row.tuned.distance])
-    return [*rows, _row("all three", excess, least)]
+    excess = np.array(
+        [100 * (row.tuned.distance / row.ideal - 1) for row in result.rows if row.tuned.distance and row.ideal]
+    )
+    return [*rows, _row("all three", excess, least or 0.0)]
 
 
 def _row(limit: str, excess: np.ndarray, least: float) -> dict[str, Any]:

@@ -8,11 +8,11 @@ import numpy as np
 
 from absjax.loop.stop import stop
 from absjax.plots import phase_plane
-from tuning.controllers.config import TuningConfig
-from tuning.controllers.results import plot_stop
-from tuning.controllers.roads import name_of, surfaces_of
-from tuning.controllers.tune import TuningResult
+from tuning.controllers.load import plot_stop
+from tuning.controllers.result import TuningResult
+from tuning.controllers.setup import Setup
 from tuning.core.figures import save
+from tuning.core.roads import name_of, surfaces_of
 
 HIGHEST = 20.0
 """Of the bars, %."""
@@ -85,24 +85,25 @@ def _cycles(result: TuningResult):
     figure, all_axes = plt.subplots(2, len(roads), figsize=(3.2 * len(roads), 6), squeeze=False, layout="constrained")
     speed = max(result.config.speeds_kmh) / 3.6
     for column, road in zip(all_axes.T, roads):
-        _cycle_pair(column, result.config, result, road, speed)
+        _cycle_pair(column, result.setup, result, road, speed)
     return figure
 
 
-def _cycle_pair(column, config: TuningConfig, result: TuningResult, road, speed: float) -> None:
+def _cycle_pair(column, setup: Setup, result: TuningResult, road, speed: float) -> None:
     (tyre,), _ = surfaces_of(road)
-    every = max(1, round(2e-3 / config.grid_step))
-    for axes, controller, when in zip(column, (config.base_controller(), result.controller), ("untuned", "tuned")):
-        loop = config.loop(controller, tyre)
+    every = max(1, round(2e-3 / setup.step))
+    controllers = (setup.controller(), setup.controller(result.parameters))
+    for axes, controller, when in zip(column, controllers, ("untuned", "tuned")):
+        loop = setup.loop(controller, tyre)
         stopped = stop(
             loop,
             jnp.asarray(speed),
             horizon=3.0,
-            step=config.grid_step,
-            max_events=config.max_events,
+            step=setup.step,
+            max_events=setup.config.max_events,
             save_every=every,
         )
-        phase_plane(axes, loop, stopped.rollout.trajectory, color="C0" if when == "untuned" else "C1")
+        phase_plane(axes, loop, stopped.rollout.path, color="C0" if when == "untuned" else "C1")
         axes.axvline(-float(tyre.peak().slip), color="k", ls=":", lw=0.8)
         axes.axhline(0, color="k", ls=":", lw=0.8)
         axes.set_title(f"{name_of(road)}, {when}, first 3 s".replace("_", " "), fontsize=9)

@@ -4,7 +4,8 @@ import warnings
 from collections.abc import Mapping
 from typing import Any
 
-from tuning.controllers.kinds import CONTROLLERS
+from absjax.controllers import CONTROLLERS
+from absjax.parameters import bounds_of
 
 RAMP = "ramp"
 """The driver's ramp, once a parameter of controllers."""
@@ -66,17 +67,18 @@ def _without(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _valid(controller: str, values: Mapping[str, float]) -> dict[str, float]:
-    """Values with the parameters the controller demands an order of in order."""
+    """Values within their bounds, those the controller demands an order of in order."""
     valid, kind = dict(values), CONTROLLERS.get(controller)
     if kind is None:
         return valid
+    for name, bounds in bounds_of(kind).items():
+        if name in valid and valid[name] > bounds.high:
+            _say(name, valid[name], bounds.high)
+            valid[name] = bounds.high
     for low, high, margin in kind.ordered:
         if low in valid and high in valid and valid[high] < valid[low] + margin:
             _say(high, valid[high], valid[low] + margin)
             valid[high] = valid[low] + margin
-    if controller == "two_phase" and valid.get("chi_a", 0.0) > 0:
-        _say("chi_a", valid["chi_a"], 0.0)
-        valid["chi_a"] = 0.0
     return valid
 
 

@@ -7,13 +7,13 @@ import numpy as np
 
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.stop import Stop, stop
-from tuning.controllers.batch import Problem
-from tuning.controllers.config import TuningConfig
+from tuning.controllers.batch import Batch
+from tuning.controllers.setup import Setup
 
 
 def phase_times(loop: ClosedLoop, stops: Stop) -> dict[int, np.ndarray]:
     """Durations [s] of every visit to every phase but the driver's and the last; switchings must have been saved."""
-    log = stops.rollout.switches
+    log = stops.rollout.log
     times, sources, targets = (np.atleast_2d(np.asarray(x)) for x in log)
     found: dict[int, list[float]] = {}
     for time, source, target in zip(times, np.asarray(loop.phase(sources)), np.asarray(loop.phase(targets))):
@@ -29,22 +29,22 @@ def phase_times(loop: ClosedLoop, stops: Stop) -> dict[int, np.ndarray]:
     return {phase: np.array(values) for phase, values in sorted(found.items())}
 
 
-def short_phases(config: TuningConfig, problem: Problem, parameters: Mapping[str, float]) -> list[str]:
+def short_phases(setup: Setup, batch: Batch, parameters: Mapping[str, float]) -> list[str]:
     """A sentence for every phase of a set that lasts less than a tick of the control unit in the mean, located."""
-    loop = dataclasses.replace(problem.loop, controller=dataclasses.replace(problem.loop.controller, **parameters))
+    loop = dataclasses.replace(batch.loop, controller=setup.controller(parameters))
     stops = stop(
         loop,
-        problem.speed,
-        horizon=problem.horizon,
-        step=problem.step,
-        max_events=problem.max_events,
+        batch.speed,
+        horizon=batch.horizon,
+        step=batch.step,
+        max_events=batch.max_events,
         save_switches=True,
     )
-    said = []
+    said, period = [], setup.config.sampled_period
     for phase, lasted in phase_times(loop, stops).items():
-        if phase > 0 and lasted.mean() < config.sampled_period:
+        if phase > 0 and lasted.mean() < period:
             said.append(
                 f"phase {phase} ({loop.controller.phases[phase]}) lasts {1e3 * lasted.mean():.2g} ms in the mean, "
-                f"less than a tick of {1e3 * config.sampled_period:g} ms"
+                f"less than a tick of {1e3 * period:g} ms"
             )
     return said

@@ -7,22 +7,14 @@
 import dataclasses
 from collections.abc import Iterable
 from functools import cache
-from importlib import resources
 from pathlib import Path
-from typing import Any
 
 from tuning.controllers.config import TuningConfig
-from tuning.controllers.tune import TuningResult
-from tuning.core.files import read_json, write_json
+from tuning.controllers.result import TuningResult
+from tuning.core.files import shipped, write_json
 
 DIGITS = 12
 """Significant ones of shipped parameters."""
-
-
-def shipped(name: str) -> Any:
-    """A JSON file among the package's data."""
-    with resources.as_file(resources.files("tuning") / "data" / name) as path:
-        return read_json(path)
 
 
 @cache

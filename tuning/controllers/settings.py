@@ -5,15 +5,13 @@ chain: sampled every millisecond, wheel speed and acceleration told by the encod
 errors, time-stamping over n = 12 edges (Aguado-Rojas 2019, chapter 5).
 """
 
-import dataclasses
 from typing import Any, NamedTuple
 
 from absjax.encoder.encoder import Encoder
 from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.sampled_loop import SampledLoop
 from absjax.sensors.encoder import EncoderSensor
-from tuning.controllers.config import TuningConfig
-from tuning.encoder.bench import measured_chain
+from tuning.controllers.setup import Setup
+from tuning.encoder.chains import measured_chain
 
 TEETH, EVENTS = 60, 12
 ROLLING = 200
@@ -30,19 +28,18 @@ class Setting(NamedTuple):
     @property
     def label(self) -> str:
         """For figures and tables."""
-        return self.name if self.name != "sampled" else f"sampled, {1e3 * self.period:g} ms"
+        return self.name if self.period is None or self.name != "sampled" else f"sampled, {1e3 * self.period:g} ms"
 
-    def applied(self, config: TuningConfig, loop: ClosedLoop) -> tuple[Any, float]:
+    def applied(self, setup: Setup, loop: ClosedLoop) -> tuple[Any, float]:
         """The system to roll out, and its grid step [s]."""
         if self.period is None:
-            return loop, config.grid_step
-        config = dataclasses.replace(config, sampled_period=self.period)
-        step, ticks = config.sampled_grid()
+            return loop, setup.step
+        step, ticks = setup.sampled_grid(self.period)
         sensor = None
         if self.name == "chain":
             chain = measured_chain(TEETH, EVENTS)
             sensor = EncoderSensor(Encoder.ideal(TEETH), chain, rolling=ROLLING, period=self.period)
-        return SampledLoop(loop, sensor, ticks, substeps=config.steps_per_sample), step
+        return setup.sampled(loop, ticks, sensor), step
 
 
 LOCATED, SAMPLED, COARSE, CHAIN = (

@@ -1,25 +1,47 @@
-"""Entries of a configuration: checked, converted from JSON, refused by name."""
+"""Configurations: dataclasses read from JSON by the types of their fields, every wrong entry refused by name."""
 
 import dataclasses
+import difflib
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Annotated, Any, Self, TypeVar, dataclass_transform
 
-from absjax.tyres.burckhardt import Burckhardt
-from absjax.tyres.surfaces import surface
+import pydantic
+import pydantic.dataclasses
+from pydantic import BeforeValidator, Field
 
-LEAST_FRICTION = 0.01
-"""Peak friction below which a road is taken for a mistake; ice has 0.05."""
+T = TypeVar("T")
+LONGEST = 1000
+"""Most entries of a list, and characters of a name."""
 
 
 class ConfigError(ValueError):
     """A configuration that cannot be used; the message names the entry."""
 
 
+def _whole(value: Any) -> Any:
+    if isinstance(value, bool):
+        raise ValueError("must be an integer, not a boolean")
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+Real = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+NonNegative = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=0)]
+Whole = Annotated[int, Field(strict=True, ge=0, le=10**7), BeforeValidator(_whole)]
+Count = Annotated[int, Field(strict=True, ge=1, le=10**7), BeforeValidator(_whole)]
+Text = Annotated[str, Field(strict=True, max_length=LONGEST)]
+Flag = Annotated[bool, Field(strict=True)]
+Names = Annotated[tuple[Text, ...], Field(max_length=LONGEST)]
+Reals = Annotated[tuple[Real, ...], Field(max_length=LONGEST)]
+Values = Annotated[dict[Text, Real], Field(max_length=LONGEST)]
+Limits = Annotated[dict[Text, tuple[Real, Real]], Field(max_length=LONGEST)]
+
+
 class Entries:
-    """Mixin of a configuration dataclass: from and to what JSON holds. Keys are the names of the fields."""
+    """Base of configurations: from and to what JSON holds. Keys are the names of the fields."""
 
     @classmethod
-    def from_json(cls, data: Mapping[str, Any]) -> Self:
+    def from_json(cls, data: Any) -> Self:
         """Build from a dictionary as JSON gives it.
 
         Raises:
@@ -27,72 +49,69 @@ class Entries:
         """
         if not isinstance(data, Mapping):
             raise ConfigError(f"a configuration is a dictionary, not {type(data).__name__}")
-        known = {field.name: field for field in dataclasses.fields(cls)}
-        values = {}
-        for name, value in data.items():
+        known = [field.name for field in dataclasses.fields(cls)]  # pyright: ignore[reportArgumentType]
+        for name in data:
             choice("configuration", name, known)
-            values[name] = _converted(name, value, known[name].type)
-        return cls(**values)
+        return cls(**data)
 
     def to_json(self) -> dict[str, Any]:
         """A plain dictionary that `from_json` reads back."""
-        return dataclasses.asdict(self)
+        return dataclasses.asdict(self)  # pyright: ignore[reportArgumentType]
+
+
+@dataclass_transform(frozen_default=True, field_specifiers=(dataclasses.field,))
+def config(cls: type[T]) -> type[T]:
+    """Make `cls` a frozen dataclass whose values are checked by the types of its fields.
+
+    Raises:
+        ConfigError: at construction, naming the entry.
+    """
+    options = pydantic.ConfigDict(extra="forbid", arbitrary_types_allowed=True)
+    checked: Any = pydantic.dataclasses.dataclass(frozen=True, config=options)(cls)
+    plain = checked.__init__
+
+    def __init__(self, *arguments, **entries):
+        try:
+            plain(self, *arguments, **entries)
+        except pydantic.ValidationError as error:
+            raise ConfigError(said(error)) from None
+
+    checked.__init__ = __init__
+    return checked
+
+
+def said(error: pydantic.ValidationError) -> str:
+    """What of the entries cannot be used, in a line."""
+    return "; ".join(map(_sentence, error.errors()[:5]))
+
+
+def _sentence(error: Any) -> str:
+    """A pydantic error as a sentence that names the entry."""
+    cause = error.get("ctx", {}).get("error")
+    entry = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error["loc"]).lstrip(".")
+    if not entry:
+        return str(cause or error["msg"])
+    message = str(cause) if cause is not None else error["msg"].replace("Input should be", "must be")
+    if error["type"] == "unexpected_keyword_argument":
+        return f"configuration: {entry!r} is unknown"
+    return f"{entry} = {shown(error['input'])}: {message}"
+
+
+def shown(value: Any) -> str:
+    """A value for a message, cut to a line."""
+    text = repr(value)
+    return text if len(text) <= 80 else text[:76] + " ..."
 
 
 def choice(entry: str, value: Any, allowed) -> None:
     """Refuse a value that is not among those allowed."""
-    if value not in allowed:
-        raise ConfigError(f"{entry}: {value!r} is unknown; there are {', '.join(allowed)}")
+    if not isinstance(value, str) or value not in allowed:
+        near = difflib.get_close_matches(str(value)[:LONGEST], list(allowed), 1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise ConfigError(f"{entry}: {shown(value)} is unknown; there are {', '.join(allowed)}{hint}")
 
 
 def require(entry: str, value: Any, holds: bool, what: str) -> None:
     """Refuse a value for which a condition does not hold."""
     if not holds:
-        raise ConfigError(f"{entry} = {value} must be {what}")
-
-
-def _converted(name: str, value: Any, kind: Any) -> Any:
-    try:
-        if kind is int or kind == int | None:
-            if value is None and kind is not int:
-                return None
-            if isinstance(value, bool) or int(value) != value:
-                raise ValueError
-            return int(value)
-        if kind is float or kind == float | None:
-            if isinstance(value, bool):
-                raise ValueError
-            return None if value is None and kind is not float else float(value)
-        if kind == str | None and value is None:
-            return None
-        if kind == str | None:
-            kind = str
-        if kind is str or kind == tuple[str, ...] or kind == tuple[Any, ...]:
-            if isinstance(value, str) != (kind is str):
-                raise ValueError
-            return value if kind is str else tuple(tuple(v) if isinstance(v, list) else v for v in value)
-        if kind == tuple[float, ...]:
-            return tuple(float(v) for v in value)
-        if kind == tuple[dict[str, float], ...]:
-            return tuple({k: float(v) for k, v in dict(item).items()} for item in value)
-        if kind == dict[str, tuple[float, float]]:
-            return {k: (float(low), float(high)) for k, (low, high) in dict(value).items()}
-        return {k: float(v) for k, v in dict(value).items()}
-    except (TypeError, ValueError):
-        raise ConfigError(f"{name} = {value!r} is not of the kind this entry takes") from None
-
-
-def tyre_of(road: Any) -> Burckhardt:
-    """The tyre curve of a road given by name or by coefficients.
-
-    Raises:
-        ConfigError: if the name is unknown, or the coefficients are not admissible.
-    """
-    try:
-        tyre = surface(road) if isinstance(road, str) else Burckhardt(*road)
-    except (ValueError, TypeError) as error:
-        raise ConfigError(f"roads: {error}") from None
-    peak = float(tyre.peak().friction)
-    if peak < LEAST_FRICTION:
-        raise ConfigError(f"roads: c = {tuple(road)} has a peak friction of {peak:g}; {LEAST_FRICTION} at least")
-    return tyre
+        raise ConfigError(f"{entry} = {shown(value)} must be {what}")

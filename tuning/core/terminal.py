@@ -1,16 +1,25 @@
-"""What the commands print: errors in a line, progress, reports."""
+"""What the commands print: errors in a line, progress, reports. Text from users never meets markup."""
 
 import contextlib
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-console = Console(width=None if sys.stdout.isatty() else 140)
+console = Console(width=None if sys.stdout.isatty() else 140, markup=False, highlight=False)
+INTERRUPTED = 130
+"""Exit status of a run ended from the keyboard."""
+
+
+def say(text: str) -> None:
+    """Print a line as it is."""
+    console.print(text, soft_wrap=True)
 
 
 @contextlib.contextmanager
@@ -19,7 +28,8 @@ def clear_errors() -> Iterator[None]:
     try:
         yield
     except (ValueError, OSError) as error:
-        console.print(f"[red]error:[/red] {error}", highlight=False, soft_wrap=True)
+        console.print("error:", style="red", end=" ")
+        say(str(error))
         raise typer.Exit(2) from None
 
 
@@ -31,38 +41,42 @@ def bar(label: str):
             TextColumn("{task.description}"),
             BarColumn(),
             TimeElapsedColumn(),
-            TextColumn("worst {task.fields[cost]:.4f}"),
+            TextColumn("best {task.fields[cost]:.4f}"),
         )
         with Progress(*columns, console=console) as progress:
-            task = progress.add_task(label, total=None, cost=float("nan"))
+            task = progress.add_task(escape(label), total=None, cost=float("nan"))
             yield lambda done, total, cost: progress.update(task, completed=done, total=total, cost=cost)
         return
     begun = time.monotonic()
-    console.print(f"{label} ...")
+    say(f"{label} ...")
 
     def line(done: int, total: int, cost: float) -> None:
         if done == 1 or done % max(1, total // 8) == 0:
-            console.print(f"  {done}/{total}  cost {cost:.4f}  {time.monotonic() - begun:.0f} s")
+            say(f"  {done}/{total}  cost {cost:.4f}  {time.monotonic() - begun:.0f} s")
 
     yield line
 
 
-def print_study(reports, out: Path) -> None:
+def print_study(reports: Iterable[Any], out: Path) -> None:
     """Print the reports of a study as they come, their tables written as CSV besides."""
     from tuning.core.report import write_tables
 
     begun = time.monotonic()
     for report in reports:
         print_report(report._replace(files=[*report.files, *write_tables(report, out / "tables")]))
-    console.print(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/", highlight=False)
+    say(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/")
 
 
-def print_report(report) -> None:
+def print_report(report: Any) -> None:
+    """Print the tables, lines and files of a `tuning.core.report.Report`; exit as interrupted if it is."""
     from tuning.core.report import rows_table
 
     for title, rows in report.tables.items():
         console.print(rows_table(rows, title))
     for line in report.lines:
-        console.print(line, highlight=False)
+        say(line)
     if report.files:
-        console.print("written: " + ", ".join(map(str, report.files)), highlight=False, soft_wrap=True)
+        say("written: " + ", ".join(map(str, report.files)))
+    if report.interrupted:
+        say("interrupted: this is the best there is; go on with --resume")
+        raise typer.Exit(INTERRUPTED)

@@ -8,9 +8,9 @@ import numpy as np
 from absjax.encoder.edges import pack
 from absjax.encoder.rotation import Rotation
 from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
-from tuning.encoder.bench import SIGNALS
-from tuning.logs.brake_log import LogError
+from tuning.encoder.chains import SIGNALS
 from tuning.logs.edges import EdgeLog
+from tuning.logs.tables import LogError
 
 PER_ORDER, FEWEST_POINTS = 4, 128
 """Points a revolution is resampled to, for every order of the spectrum, and at least."""

@@ -6,7 +6,7 @@ one rolls freely at 130 km/h, then brakes under five phases on dry concrete.
 """
 
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -14,11 +14,9 @@ import numpy as np
 
 from absjax.encoder.edges import Edges, edges_of
 from absjax.encoder.encoder import Encoder
-from absjax.encoder.harmonics import HarmonicCompensation
-from absjax.encoder.notch import NotchFilter
 from absjax.encoder.rotation import Rotation
-from absjax.encoder.time_stamping import TimeStamping
 from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
+from tuning.encoder.chains import SIGNALS
 from tuning.encoder.loop import PERIOD, braked_wheel
 
 SPEED = 1020 * 2 * np.pi / 60
@@ -30,7 +28,7 @@ HELD, JOINED = 1.0, 1.5
 BRAKED = 2.5
 """Longest braking of that reference, s."""
 REFERENCES = ("constant", "varying", "braking")
-SIGNALS = ("speed", "acceleration")
+Reference = Literal["constant", "varying", "braking"]
 
 
 def reference(name: str, duration: float) -> Rotation:
@@ -76,13 +74,18 @@ class Bench(NamedTuple):
     counts: jax.Array
     """samples on which errors count, bool (samples,)"""
 
+    def of(self, members: Any) -> "Bench":
+        """Some of the encoders, (members,); traceable."""
+        return self._replace(edges=jax.tree.map(lambda x: jnp.take(x, members, axis=0), self.edges))
+
     def errors(self, chain: WheelSpeedChain) -> tuple[jax.Array, jax.Array]:
         """Rms error of speed [rad/s] and acceleration [rad/s^2] of each encoder, (encoders,); traceable."""
         found, _ = estimate(chain, self.edges, PERIOD)
-        return tuple(
+        speed, acceleration = (
             jnp.sqrt(jnp.mean((getattr(found, s) - getattr(self.truth, s)) ** 2, axis=-1, where=self.counts))
             for s in SIGNALS
         )
+        return speed, acceleration
 
 
 def bench_of(encoder: Encoder, name: str, duration: float, settle: float) -> Bench:
@@ -90,54 +93,6 @@ def bench_of(encoder: Encoder, name: str, duration: float, settle: float) -> Ben
     rotation = reference(name, duration)
     time = PERIOD * np.arange(rotation.speed.size)
     return Bench(edges_of(encoder, rotation, PERIOD), rotation, jnp.asarray(time >= settle))
-
-
-def least_harmonics(teeth: int, events: int) -> int:
-    """M of the source, ceil(N / n) + 1."""
-    return min(int(np.ceil(teeth / events)) + 1, all_harmonics(teeth))
-
-
-def enough_harmonics(teeth: int, events: int) -> int:
-    """M from which on the residual flattens, ceil(1.5 N / n)."""
-    return min(int(np.ceil(1.5 * teeth / events)), all_harmonics(teeth))
-
-
-def all_harmonics(teeth: int) -> int:
-    """As many as teeth tell apart, the largest M below N / 2."""
-    return (teeth - 1) // 2
-
-
-def measured_chain(teeth: int = 60, events: int = 15) -> WheelSpeedChain:
-    """Time-stamping alone."""
-    return WheelSpeedChain(TimeStamping(teeth, events))
-
-
-def notch_chain(teeth: int = 60, events: int = 15) -> WheelSpeedChain:
-    """With the notch filters of the source, of damping 0.5."""
-    return WheelSpeedChain(TimeStamping(teeth, events), NotchFilter("speed"), NotchFilter("acceleration"))
-
-
-def published_chain(teeth: int = 60, events: int = 15, harmonics: int | None = None) -> WheelSpeedChain:
-    """The compensation as the source sets it: regressors not filtered, beta = 0.1, 1 Hz, M = ceil(N / n) + 1."""
-    harmonics = least_harmonics(teeth, events) if harmonics is None else harmonics
-    parts = (HarmonicCompensation(s, harmonics, filter_regressor=False, cutoff=1.0) for s in SIGNALS)
-    return WheelSpeedChain(TimeStamping(teeth, events), *parts)
-
-
-def filtered_chain(teeth: int = 60, events: int = 15, harmonics: int | None = None) -> WheelSpeedChain:
-    """The compensation with filtered regressors, M = ceil(1.5 N / n)."""
-    harmonics = enough_harmonics(teeth, events) if harmonics is None else harmonics
-    return WheelSpeedChain(TimeStamping(teeth, events), *(HarmonicCompensation(s, harmonics) for s in SIGNALS))
-
-
-def edge_chain(
-    teeth: int = 60, events: int = 15, harmonics: int | None = None, memory: float | None = None
-) -> WheelSpeedChain:
-    """The compensation with regressors made of the edges, M = all that the teeth tell apart; memory as in
-    `TimeStamping`."""
-    harmonics = all_harmonics(teeth) if harmonics is None else harmonics
-    parts = (HarmonicCompensation(s, harmonics, through_edges=True) for s in SIGNALS)
-    return WheelSpeedChain(TimeStamping(teeth, events, memory=memory), *parts)
 
 
 @jax.jit

@@ -7,7 +7,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from tuning.encoder.analysis import LogStudy, ToothErrors, order_spectrum
-from tuning.encoder.bench import SIGNALS
+from tuning.encoder.chains import SIGNALS
 from tuning.encoder.loop import Course
 
 UNITS = {"speed": "wheel speed [rad/s]", "acceleration": "wheel acceleration [rad/s²]"}

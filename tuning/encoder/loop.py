@@ -79,7 +79,7 @@ def course(
     loop = braking_loop(observer, free)
     sampled = SampledLoop(loop, sensor, substeps=substeps)
     result = stop(sampled, np.array([SPEED]) if sensor is None else SPEED, horizon=HORIZON, step=PERIOD, save_every=1)
-    trajectory = result.rollout.trajectory
+    trajectory = result.rollout.path
     time, state = np.asarray(trajectory.time), trajectory.state.loop
     signals = jax.vmap(jax.vmap(loop.measured))(time, state, np.asarray(trajectory.mode))
     estimate = None
@@ -113,11 +113,11 @@ def loop_row(label: str, found: Course, ideal: float | None) -> dict[str, Any]:
     def over(values, statistic=np.mean):
         return round(float(statistic(values)), 3)
 
-    row = {"told": label, "stops": int(distance.size), "do not end": int((~ended).sum())}
+    row: dict[str, Any] = {"told": label, "stops": int(distance.size), "do not end": int((~ended).sum())}
     for name, statistic in (("shortest", np.min), ("mean", np.mean), ("longest", np.max)):
         row[f"{name} [m]"] = round(float(statistic(distance[ended])), 2) if ended.any() else "-"
-    known = ideal is not None and ended.any()
-    row["mean above ideal [%]"] = round(100 * (float(distance[ended].mean()) / ideal - 1), 2) if known else "-"
+    known = None if ideal is None or not ended.any() else 100 * (float(distance[ended].mean()) / ideal - 1)
+    row["mean above ideal [%]"] = "-" if known is None else round(known, 2)
     row["longest lock > 15 km/h [s]"] = round(float(np.max(stops.longest_lock[0])), 3)
     row["stuck"] = int((np.asarray(stops.longest_cycle) > STUCK).sum())
     row["slip from"], row["slip to"] = over(np.nanmin(slip, axis=1)), over(np.nanmax(slip, axis=1))

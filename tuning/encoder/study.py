@@ -5,7 +5,6 @@ Each function returns rows, a list of dictionaries with one key a column.
 
 import dataclasses
 from collections.abc import Mapping
-from importlib import resources
 from typing import Any
 
 import jax.numpy as jnp
@@ -15,21 +14,17 @@ from absjax.encoder.edges import edges_of, in_ticks
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.rotation import Rotation
 from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
-from tuning.core.files import read_json
-from tuning.encoder.bench import (
-    PERIOD,
+from tuning.core.files import shipped
+from tuning.encoder.bench import PERIOD, bench_of, joined, ratio_rows, reference
+from tuning.encoder.chains import (
     SIGNALS,
     all_harmonics,
-    bench_of,
     edge_chain,
     enough_harmonics,
     filtered_chain,
-    joined,
     measured_chain,
     notch_chain,
     published_chain,
-    ratio_rows,
-    reference,
 )
 from tuning.encoder.loop import Course
 from tuning.encoder.tune import EncoderResult
@@ -44,8 +39,7 @@ HOUR = 3600.0
 
 def tuned_chain() -> WheelSpeedChain:
     """The chain shipped: n as in the table, M and the rest tuned on other encoders under both references."""
-    with resources.as_file(resources.files("tuning") / "data" / "encoder_chain.json") as path:
-        return EncoderResult.from_json(read_json(path)).chain()
+    return EncoderResult.from_json(shipped("encoder_chain.json")).chain()
 
 
 def table_chains() -> dict[str, WheelSpeedChain]:
@@ -87,7 +81,8 @@ def table_rows(seeds: int = 16) -> list[dict[str, Any]]:
     """Aguado-Rojas 2019, Table 6.1: eps = 0.004, e = 0.16 mm, N = 60, n = 15; ours, and what the source prints."""
     encoder, chains = Encoder.random(range(seeds), TEETH), table_chains()
     tuned = tuned_chain()
-    chains[f"RLS, M = {tuned.speed.harmonics}, tuned"] = tuned
+    most = 0 if tuned.speed is None else tuned.speed.harmonics
+    chains[f"RLS, M = {most}, tuned"] = tuned
     return [row for name in SOURCE for row in (*_rows(encoder, name, chains), *source_rows(name))]
 
 
@@ -142,7 +137,7 @@ def endurance_rows(cases: Mapping[str, tuple[Rotation, Encoder]]) -> list[dict[s
         )
         exact = _numbers(estimate(chain, edges_of(_without_clock(encoder), rotation, PERIOD), PERIOD))
         finite = all(np.isfinite(x).all() for found in (single, double, exact) for x in found)
-        row = {"run": label, "finite": "yes" if finite else "no"}
+        row: dict[str, Any] = {"run": label, "finite": "yes" if finite else "no"}
         late = slice(-min(2000, len(rotation.speed) // 4), None)
         for i, signal in enumerate(SIGNALS):
             row[f"{signal}: float32 - float64"] = float(f"{_rms(single[i] - double[i]):.3g}")
@@ -171,6 +166,7 @@ def stiffness_rows(courses: Mapping[str, Course]) -> list[dict[str, Any]]:
     """XBS as the observer in the loop estimates it from what it is told."""
     rows = []
     for label, found in courses.items():
+        assert found.estimate is not None
         error = np.where(found.settled, found.estimate - found.signals.stiffness, 0.0)
         right = np.sign(found.estimate) == np.sign(found.signals.stiffness)
         rows.append(

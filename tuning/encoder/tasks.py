@@ -10,22 +10,16 @@ import pandas as pd
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
 from absjax.loop.ideal import ideal_distance
+from absjax.observers.designs import UnknownRoad
+from tuning.core.descent import Progress
 from tuning.core.figures import save
 from tuning.core.files import read_json, write_json
+from tuning.core.journal import Journal
 from tuning.core.report import Report
-from tuning.core.search import Progress
 from tuning.encoder import figures
 from tuning.encoder.analysis import LogStudy, order_spectrum, study_log, tooth_errors
-from tuning.encoder.bench import (
-    PERIOD,
-    SIGNALS,
-    all_harmonics,
-    bench_of,
-    edge_chain,
-    filtered_chain,
-    measured_chain,
-    notch_chain,
-)
+from tuning.encoder.bench import PERIOD, bench_of
+from tuning.encoder.chains import SIGNALS, all_harmonics, edge_chain, filtered_chain, measured_chain, notch_chain
 from tuning.encoder.config import EncoderConfig
 from tuning.encoder.loop import HORIZON, SPEED, braking_loop, course, loop_row, sensors
 from tuning.encoder.study import (
@@ -37,10 +31,9 @@ from tuning.encoder.study import (
     table_chains,
     table_rows,
 )
-from tuning.encoder.tune import EncoderResult, cost_of, training_benches, tune_encoder
-from tuning.logs.brake_log import LogError
+from tuning.encoder.tune import EncoderResult, losses, training_benches, tune_encoder
 from tuning.logs.edges import EdgeLog
-from tuning.observers.kinds import KINDS
+from tuning.logs.tables import LogError
 
 LOOP_EVENTS = 12
 LOOP_TOLERANCE, LOOP_ECCENTRICITY = 0.004, 2.5e-4
@@ -129,16 +122,16 @@ def chain_for(log: EdgeLog, events: int, harmonics: int | None, tuned: Path | No
     return result.chain()
 
 
-def tune(config: EncoderConfig, out: Path, progress: Progress = lambda i, n, cost: None) -> Report:
+def tune(config: EncoderConfig, out: Path, progress: Progress, journal: Journal) -> Report:
     """Tune the chain, and judge it on encoders that were not tuned on."""
-    result = tune_encoder(config, progress=progress)
+    result = tune_encoder(config, progress=progress, journal=journal)
     parameters = ", ".join(f"{name} {value:.4g}" for name, value in result.parameters.items())
     measured = _measured_costs(config)
     grid = [
         {
             "n": row["events"],
             "M": row["harmonics"],
-            "ratio": round(float(np.exp(measured[row["events"]] - row["cost"])), 2),
+            "ratio": round(float(np.exp(measured[int(row["events"])] - row["cost"])), 2),
         }
         for row in result.grid
     ]
@@ -150,13 +143,13 @@ def tune(config: EncoderConfig, out: Path, progress: Progress = lambda i, n, cos
         save(figures.descent_figure(result.history), out / "history.png"),
     ]
     lines = [f"n = {result.events}, M = {result.harmonics} of {len(result.grid)} pairs", f"parameters: {parameters}"]
-    return Report(tables, lines, files)
+    return Report(tables, lines, files, result.interrupted)
 
 
 def _measured_costs(config: EncoderConfig) -> dict[int, float]:
     """Cost of the measured signals by number of events."""
     benches = training_benches(config)
-    return {n: float(cost_of(benches, measured_chain(config.teeth, n))) for n in map(int, config.events)}
+    return {n: float(losses(benches, measured_chain(config.teeth, n)).mean()) for n in config.events}
 
 
 def study(out: Path, encoders: int = 20, hours: float = 1.0) -> Iterator[Report]:
@@ -204,9 +197,8 @@ def loop_chains() -> dict[str, WheelSpeedChain]:
 
 def observed_courses(told: Mapping[str, Any]):
     """The same stops with the 4-state observer of XBS in the loop."""
-    kind = KINDS["unknown_road"]
-    observer = kind.build(braking_loop().plant.wheel, kind.default)
-    return {label: course(sensor, observer, kind.substeps) for label, sensor in told.items()}
+    observer = UnknownRoad().observer(braking_loop().plant.wheel)
+    return {label: course(sensor, observer, UnknownRoad.substeps) for label, sensor in told.items()}
 
 
 def _convergence(out: Path) -> Path:

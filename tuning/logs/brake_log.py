@@ -7,10 +7,12 @@ A log is a table with one row per sample. Columns of other names and units are d
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from tuning.logs.tables import LogError, column_of, read_table
 from tuning.logs.units import FACTORS
 
 COLUMNS = {
@@ -34,10 +36,6 @@ LARGEST = {
     "load": (5e4, "another unit"),
 }
 """Largest magnitude that is plausible, and the unit a larger one suggests."""
-
-
-class LogError(ValueError):
-    """A log that cannot be used; the message names file, column and row (the header is row 1)."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -77,8 +75,9 @@ class BrakeLog:
             raise LogError(
                 f"{self.name}: {inside.sum()} samples between {low:g} s and {high:g} s, {FEWEST_SAMPLES} needed"
             )
-        cut = {f.name: getattr(self, f.name) for f in dataclasses.fields(self)}
-        return BrakeLog(**{k: v[inside] if isinstance(v, np.ndarray) else v for k, v in cut.items()})
+        signals = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "name"}
+        cut: dict[str, Any] = {k: None if v is None else v[inside] for k, v in signals.items()}
+        return BrakeLog(self.name, **cut)
 
 
 def parse_columns(declarations: str | None) -> dict[str, str]:
@@ -103,7 +102,7 @@ def _checked_signals(columns: Mapping[str, str]) -> dict[str, str]:
     return dict(columns)
 
 
-def read_csv(
+def read_log(
     path: str | Path,
     columns: Mapping[str, str] | None = None,
     *,
@@ -114,7 +113,7 @@ def read_csv(
     """Read and check a brake log.
 
     Args:
-        path: a CSV file with a header row.
+        path: of a format of `tuning.logs.tables.READERS`, with a header row.
         columns: signal -> "column" or "column:unit", where they differ from `COLUMNS`.
         start, end: window of time to use [s].
         radius: wheel radius [m], for the test whether wheel and vehicle speed are in their units.
@@ -138,7 +137,7 @@ def read_csv(
             raise LogError(
                 f"{path}, column {column!r}: unit {unit!r} is unknown; {signal} may be in {', '.join(FACTORS[signal])}"
             )
-        signals[signal] = _numbers(path, column, table[column]) * factor
+        signals[signal] = _numbers(path, column, column_of(table, column)) * factor
     names = {signal: wanted[signal].partition(":")[0] for signal in signals}
     _check_time(path, names["time"], signals["time"])
     inside = _inside(signals["time"], start, end)
@@ -153,31 +152,8 @@ def _inside(time, start, end):
     return (time >= (-np.inf if start is None else start)) & (time <= (np.inf if end is None else end))
 
 
-def read_table(path: Path) -> pd.DataFrame:
-    """A CSV file as it stands, every cell text.
-
-    Raises:
-        LogError: if there is no such file, or it is not a table with a header of distinct names and a row.
-    """
-    if not path.is_file():
-        raise LogError(f"{path}: no such file")
-    try:
-        header = pd.read_csv(path, header=None, nrows=1, dtype=str).iloc[0]
-        table = pd.read_csv(path, dtype=str, keep_default_na=False, skipinitialspace=True)
-    except pd.errors.EmptyDataError:
-        raise LogError(f"{path}: the file is empty") from None
-    except (pd.errors.ParserError, UnicodeDecodeError) as error:
-        raise LogError(f"{path}: not a table of comma-separated values: {error}") from None
-    repeated = header[header.duplicated()]
-    if len(repeated):
-        raise LogError(f"{path}: column {repeated.iloc[0]!r} stands twice in the header")
-    if not len(table):
-        raise LogError(f"{path}: a header and no samples")
-    return table
-
-
 def _numbers(path: Path, column: str, cells: pd.Series) -> np.ndarray:
-    values = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=float)
+    values = np.asarray(pd.to_numeric(cells, errors="coerce"), float)
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
         shown = cells.iloc[bad[0]] or "empty"

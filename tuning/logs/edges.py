@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from tuning.logs.brake_log import LogError, read_table
+from tuning.logs.tables import LogError, column_of, read_table
 
 FEWEST_REVOLUTIONS = 5
 SHORTEST_TICK = 1e-9
@@ -50,7 +50,7 @@ def read_edges(path: str | Path, *, teeth: int, clock: float = 1e-6, column: str
     table = read_table(path)
     if column not in table.columns:
         raise LogError(f"{path}: no column {column!r}; there are {', '.join(map(str, table.columns))}")
-    stamps = _integers(path, column, table[column])
+    stamps = _integers(path, column, column_of(table, column))
     steps = np.diff(stamps)
     for bad, what in ((steps == 0, "repeats the edge before it"), (steps < 0, "goes back in time")):
         if bad.any():

@@ -7,19 +7,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from absjax.observers.base import Sample
+from absjax.lanes import taken
+from absjax.observers.base import Design, Sample
+from absjax.observers.designs import Adaptive
 from absjax.observers.run import STABLE, observe
 from absjax.parameters import model, parameter, part
 from absjax.plant.wheel import Wheel
-from tuning.core.config import require, tyre_of
+from tuning.core.config import require
+from tuning.core.objective import Objective
+from tuning.core.roads import tyre_of
 from tuning.observers.config import ObserverConfig, random_surfaces
-from tuning.observers.kinds import KINDS
 from tuning.observers.metrics import TOLERANCE
-from tuning.observers.scenarios import Scenarios, concatenate, simulate
+from tuning.observers.scenarios import Excitation, Scenarios, concatenate, simulate
 from tuning.observers.signals import LogSignals
 
-ORDER = 6
-"""Of the power mean of settling times: between their mean and the worst, which a single run may make hopeless."""
 STEP_CHARGE = 1.0
 """Added to the cost, in s, for every unit by which step times rate exceeds `STEP_SHARE` of the stable one."""
 STEP_SHARE = 0.7
@@ -43,17 +44,14 @@ class Judgement(NamedTuple):
     stepping: Any
     """by how much step times rate exceeds its share of the stable one"""
 
-    def cost(self, noise_weight, exact: bool = False):
-        """Power mean of the settling, smooth or `exact`, + noise_weight * mean noise + what too large a step
-        is charged.
+    def cost(self, objective: Objective, noise_weight, exact: bool = False):
+        """Objective of the settling, smooth or `exact`, + noise_weight * mean noise + what too large a step is charged.
 
-        Without a weight (None) it is the mean rms of the error instead.
+        Without a weight (None) it is that of the rms of the error instead.
         """
-        charge = STEP_CHARGE * self.stepping
-        if noise_weight is None:
-            return self.error.mean() + charge
-        times = self.settling if exact else self.smooth
-        return jnp.mean(times**ORDER) ** (1 / ORDER) + noise_weight * self.noise.mean() + charge
+        times = self.error if noise_weight is None else self.settling if exact else self.smooth
+        noise = 0.0 if noise_weight is None else noise_weight * self.noise.mean()
+        return objective.costs(times.reshape(-1), smooth=not exact) + noise + STEP_CHARGE * self.stepping
 
 
 def _bounded(error):
@@ -75,12 +73,16 @@ class Bench:
     ends: Any = parameter("s, shape (runs, roads)", ndim=2)
     wheel: Wheel = part("as the observer knows it")
     period: Any = parameter("of the samples, s", low=0.0, open_low=True)
-    kind: str = "adaptive"
+    design: type[Design] = Adaptive
     substeps: int = 1
+
+    def of(self, members: Any) -> "Bench":
+        """Some of the runs, (members,); traceable."""
+        return taken(self, members)
 
     def estimates(self, values: Mapping[str, Any]):
         """Estimated XBS without and with noise, (runs, samples) each, and the largest step times rate."""
-        observer = KINDS[self.kind].build(self.wheel, values)
+        observer = self.design(**values).observer(self.wheel)
 
         def of_run(samples, noise):
             noisy = samples._replace(y=samples.y + noise)
@@ -127,7 +129,11 @@ def training_runs(config: ObserverConfig) -> Scenarios:
     rng = np.random.default_rng(config.seed)
     roads = [tyre_of(road) for road in config.roads]
     halves = []
-    for excitation, runs in (("five_phase", config.runs - config.runs // 2), ("two_phase", config.runs // 2)):
+    halves_of: tuple[tuple[Excitation, int], ...] = (
+        ("five_phase", config.runs - config.runs // 2),
+        ("two_phase", config.runs // 2),
+    )
+    for excitation, runs in halves_of:
         if not runs:
             continue
         drawn = runs + -(-runs // 2)
@@ -164,7 +170,7 @@ def bench_of(config: ObserverConfig, runs: Scenarios) -> Bench:
         runs.ends,
         runs.wheel,
         runs.period,
-        kind=config.observer,
+        design=config.design,
         substeps=config.steps_per_sample,
     )
 
@@ -188,6 +194,6 @@ def log_bench(config: ObserverConfig, signals: LogSignals, truth: np.ndarray, wh
         ends,
         wheel,
         period,
-        kind=config.observer,
+        design=config.design,
         substeps=config.steps_per_sample,
     )

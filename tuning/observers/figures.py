@@ -17,7 +17,7 @@ NOISIEST = 1.0
 """Noise of XBS beyond which a point of the trade-off is drawn at the edge."""
 
 
-def _axes(rows: int = 1, height: float = 2.6, **options: Any):
+def _axes(rows: int = 1, height: float = 2.6, **options: Any) -> tuple[Any, Any]:
     figure, axes = plt.subplots(rows, 1, figsize=(10, height * rows), layout="constrained", **options)
     for each in np.atleast_1d(axes):
         each.grid(alpha=0.3)

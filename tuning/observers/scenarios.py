@@ -15,18 +15,18 @@ import numpy as np
 from absjax.controllers.tracking import AccelerationTracking
 from absjax.controllers.two_phase import TwoPhase
 from absjax.hybrid.rollout import rollout
-from absjax.lanes import over_lanes
+from absjax.lanes import over_lanes, stacked
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.observers.base import Sample
 from absjax.plant.brake import Brake
 from absjax.plant.road import ChangingRoad
 from absjax.plant.test_rig import TestRig
 from absjax.plant.wheel import Wheel
-from absjax.tyres.burckhardt import Burckhardt
+from absjax.tyres.base import Tyre
 
 BLEND = 0.025
 """Length of the blend from one road to the next [s]."""
-FIVE = {"eps1": 25.0, "eps2": 32.0, "eps3": 15.0, "eps5": 22.0}
+FIVE: dict[str, Any] = {"eps1": 25.0, "eps2": 32.0, "eps3": 15.0, "eps5": 22.0}
 """Thresholds of the five-phase cycle: within reach on snow, where x2 cannot exceed a mu = 34 m/s^2."""
 Excitation = Literal["five_phase", "two_phase"]
 
@@ -46,8 +46,8 @@ class Scenarios:
     """where each road begins to count, s, (runs, roads): 0, then the ends of the blends"""
     ends: np.ndarray
     """where the next blend begins, or the run ends, s, (runs, roads)"""
-    surfaces: Burckhardt
-    """coefficients (runs, roads)"""
+    surfaces: Any
+    """tyre curves, coefficients (runs, roads)"""
 
     @property
     def time(self) -> np.ndarray:
@@ -88,7 +88,7 @@ def concatenate(parts: Sequence[Scenarios]) -> Scenarios:
 
 
 def simulate(
-    surfaces: Sequence[Sequence[Burckhardt]],
+    surfaces: Sequence[Sequence[Tyre]],
     changes: Any,
     *,
     speed: Any = 25.0,
@@ -121,20 +121,18 @@ def simulate(
     speed, deceleration = (np.broadcast_to(np.asarray(x, float), runs) for x in (speed, deceleration))
     if (slowest := float((speed - duration * deceleration).min())) < 1.0:
         raise ValueError(f"the speed falls to {slowest:g} m/s in {duration:g} s; 1 m/s is the least")
-    stacked = Burckhardt(
-        *(np.array([[float(getattr(s, c)) for s in row] for row in surfaces]) for c in ("c1", "c2", "c3"))
-    )
-    columns = tuple(jax.tree.map(lambda x, k=k: x[:, k], stacked) for k in range(changes.shape[1] + 1))
+    curves = stacked([stacked(row) for row in surfaces])
+    columns = tuple(jax.tree.map(lambda x, k=k: x[:, k], curves) for k in range(changes.shape[1] + 1))
     road = ChangingRoad(columns, tuple(changes.T), BLEND)
     plant = TestRig(wheel, road, speed, -deceleration)
-    controller = _two_phase(stacked, wheel) if excitation == "two_phase" else AccelerationTracking(**FIVE, wheel=wheel)
+    controller = _two_phase(curves, wheel) if excitation == "two_phase" else _five_phase(wheel)
     loop = ClosedLoop(plant, Brake(), controller)
     steps = round(duration / period)
     start = controller.phases.index("apply") if excitation == "two_phase" else 0
     state = loop.at(jnp.asarray(speed))
     result = rollout(loop, state, start, step=period, steps=steps, save_every=1, max_events=3000)
     result.raise_if_failed()
-    samples, stiffness, slip = jax.tree.map(np.asarray, _signals(loop, result.trajectory))
+    samples, stiffness, slip = jax.tree.map(np.asarray, _signals(loop, result.path))
     onset = np.asarray(result.state.memory.onset_time)
     if not (onset > 0).all():
         raise ValueError(
@@ -142,13 +140,17 @@ def simulate(
         )
     begins = np.concatenate([np.zeros((runs, 1)), changes + BLEND], axis=1)
     ends = np.concatenate([changes, np.full((runs, 1), (steps + 1) * period)], axis=1)
-    return Scenarios(wheel, period, samples, stiffness, slip, begins, ends, stacked)
+    return Scenarios(wheel, period, samples, stiffness, slip, begins, ends, curves)
 
 
-def _two_phase(surfaces: Burckhardt, wheel: Wheel) -> TwoPhase:
-    """Thresholds every surface of a run reaches: XBS goes from -c3 to c1 c2 - c3."""
-    c1, c2, c3 = (np.asarray(x) for x in (surfaces.c1, surfaces.c2, surfaces.c3))
-    low, high = np.maximum(-0.1, -0.6 * c3.min(axis=1)), np.minimum(5.0, 0.5 * (c1 * c2 - c3).min(axis=1))
+def _five_phase(wheel: Wheel) -> AccelerationTracking:
+    return AccelerationTracking(**FIVE, wheel=wheel)
+
+
+def _two_phase(surfaces: Tyre, wheel: Wheel) -> TwoPhase:
+    """Thresholds every surface of a run reaches: XBS goes from that of free rolling to that of a locked wheel."""
+    lowest, highest = (np.asarray(surfaces.stiffness(jnp.asarray(slip))) for slip in (-1.0, 0.0))
+    low, high = np.maximum(-0.1, 0.6 * lowest.max(axis=1)), np.minimum(5.0, 0.5 * highest.min(axis=1))
     return TwoPhase(wheel=wheel, zref=40.0, chi_a=low, chi_b=high)
 
 

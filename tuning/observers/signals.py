@@ -7,8 +7,9 @@ from scipy.signal import savgol_filter
 
 from absjax.observers.base import Sample
 from absjax.plant.wheel import Wheel
-from absjax.tyres.burckhardt import Burckhardt
-from tuning.logs.brake_log import BrakeLog, LogError
+from absjax.tyres.base import Tyre
+from tuning.logs.brake_log import BrakeLog
+from tuning.logs.tables import LogError
 
 WINDOW = 0.015
 """Window of the smoothing filter that differentiates the wheel speed [s]."""
@@ -46,7 +47,7 @@ def observer_signals(log: BrakeLog, wheel: Wheel, window: float = WINDOW) -> Log
         raise LogError(f"{log.name}: a window of {window:g} s holds {length} samples, five at least")
 
     def smooth(signal, derivative=0):
-        return savgol_filter(signal, length, ORDER, deriv=derivative, delta=log.period)
+        return np.asarray(savgol_filter(signal, length, ORDER, deriv=derivative, delta=log.period))
 
     radius, speed = float(wheel.radius), smooth(log.vehicle_speed)
     y = radius * smooth(log.wheel_speed, 1) - smooth(log.vehicle_speed, 1)
@@ -54,7 +55,7 @@ def observer_signals(log: BrakeLog, wheel: Wheel, window: float = WINDOW) -> Log
     return LogSignals(log.time, Sample(y, speed, smooth(log.brake_pressure)), slip)
 
 
-def force_stiffness(signals: LogSignals, tyre: Burckhardt) -> np.ndarray:
+def force_stiffness(signals: LogSignals, tyre: Tyre) -> np.ndarray:
     """XBS the measured force gives: slope of the curve fitted to (slip, force / load), at the measured slip.
 
     Source: Aguado-Rojas 2019, section 3.5. The curve comes from `tuning.road.identify.identify`.

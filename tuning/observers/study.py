@@ -5,21 +5,22 @@ Each function returns rows, a list of dictionaries with one key a column.
 
 from collections.abc import Mapping, Sequence
 from functools import partial
-from importlib import resources
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
-from absjax.observers import rls
-from absjax.observers.base import Sample
+from absjax.observers import OBSERVERS, rls
+from absjax.observers.base import Design, Sample
 from absjax.observers.clamped import Clamped
+from absjax.observers.designs import Adaptive, KnownRoad, UnknownRoad
 from absjax.observers.run import Observation, ObserverStatus, observe
+from absjax.parameters import defaults_of
 from absjax.plant.wheel import Wheel
-from absjax.tyres.surfaces import SURFACES, surface
-from tuning.core.files import read_json
+from absjax.tyres.surfaces import surface
+from tuning.core.components import component
+from tuning.core.files import shipped
 from tuning.logs.brake_log import BrakeLog
-from tuning.observers.kinds import KINDS
 from tuning.observers.metrics import crossings, rms, settling, within
 from tuning.observers.scenarios import Excitation, Scenarios, simulate
 from tuning.observers.signals import LogSignals, force_stiffness, observer_signals
@@ -43,25 +44,29 @@ class GainSet(NamedTuple):
     kind: str
     parameters: Mapping[str, float]
 
+    @property
+    def design(self) -> type[Design]:
+        """Its class."""
+        return component("observer", self.kind, OBSERVERS, Design)
+
     def observer(self, wheel: Wheel):
         """The observer."""
-        return KINDS[self.kind].build(wheel, self.parameters)
+        return self.design(**self.parameters).observer(wheel)
 
     @property
     def substeps(self) -> int:
         """Runge-Kutta steps per millisecond."""
-        return KINDS[self.kind].substeps
+        return self.design.substeps
 
 
 def gain_sets() -> list[GainSet]:
     """Published and tuned gains of the 4-state and the adaptive observer, and the quicker 4-state ones of the table."""
-    with resources.as_file(resources.files("tuning") / "data" / "observer_gains.json") as path:
-        tuned = read_json(path)
-    quick = {**KINDS["unknown_road"].default, "frequency1": 100.0, "frequency2": 100.0}
+    tuned, four = shipped("observer_gains.json"), defaults_of(UnknownRoad)
+    quick = {**four, "frequency1": 100.0, "frequency2": 100.0}
     return [
-        GainSet("adaptive, default", "adaptive", KINDS["adaptive"].default),
+        GainSet("adaptive, default", "adaptive", defaults_of(Adaptive)),
         GainSet("adaptive, tuned", "adaptive", tuned["adaptive"]),
-        GainSet("4-state, poles -60", "unknown_road", KINDS["unknown_road"].default),
+        GainSet("4-state, poles -60", "unknown_road", four),
         GainSet("4-state, poles -100", "unknown_road", quick),
         GainSet("4-state, tuned", "unknown_road", tuned["unknown_road"]),
     ]
@@ -98,7 +103,15 @@ def table_runs(excitation: Excitation) -> Scenarios:
     return simulate([roads] * INSTANTS, np.array(TABLE_CHANGES) + shift, excitation=excitation)
 
 
-def held_out_runs(excitation: Excitation, instants: int = 3) -> Scenarios:
+class HeldOut(NamedTuple):
+    """Runs that were not tuned on."""
+
+    runs: Scenarios
+    changed_to: np.ndarray
+    """name of the road changed to, (runs,)"""
+
+
+def held_out_runs(excitation: Excitation, instants: int = 3) -> HeldOut:
     """Every change between six published roads, at several instants, from three speeds; none was tuned on.
 
     Runs on which the controller stops cycling are left out.
@@ -112,7 +125,8 @@ def held_out_runs(excitation: Excitation, instants: int = 3) -> Scenarios:
         excitation=excitation,
         duration=3.5,
     )
-    return runs.select(np.flatnonzero(runs.cycling))
+    cycling = np.flatnonzero(runs.cycling)
+    return HeldOut(runs.select(cycling), np.array([after for (_, after), _, _ in cases])[cycling])
 
 
 def settling_rows(sets: Sequence[GainSet], runs: Scenarios, excitation: str) -> list[dict[str, Any]]:
@@ -125,11 +139,9 @@ def settling_rows(sets: Sequence[GainSet], runs: Scenarios, excitation: str) -> 
     return rows
 
 
-def held_out_rows(sets: Sequence[GainSet], runs: Scenarios, excitation: str) -> list[dict[str, Any]]:
+def held_out_rows(sets: Sequence[GainSet], held_out: HeldOut, excitation: str) -> list[dict[str, Any]]:
     """Settling over changes that were not tuned on; by the road changed to, the worst, s."""
-    name_of = {tyre.c2: name for name, tyre in SURFACES.items()}
-    second = np.array([name_of[float(c2)] for c2 in np.asarray(runs.surfaces.c2)[:, 1]])
-    rows = []
+    rows, runs, second = [], held_out.runs, held_out.changed_to
     for gains in sets:
         result = estimates(gains, runs)
         times = settling(runs.time, result.stiffness - runs.stiffness, runs.begins, runs.ends)
@@ -146,7 +158,7 @@ def noise_rows(sets: Sequence[GainSet], runs: Scenarios, excitation: str, seed: 
     rows = []
     for gains in sets:
         difference = estimates(gains, runs, noise).stiffness - estimates(gains, runs).stiffness
-        row = {"observer": gains.label, "cycle": excitation}
+        row: dict[str, Any] = {"observer": gains.label, "cycle": excitation}
         for i, name in enumerate(TABLE_ROADS):
             late = within(runs.time, runs.begins[:, i : i + 1] + SETTLED, runs.ends[:, i : i + 1])
             row[name] = round(float(rms(difference, late).mean()), 3)
@@ -254,13 +266,13 @@ def rig_sets(tyre, tuned: Sequence[GainSet]) -> list[GainSet]:
 
     Source: Aguado-Rojas 2019, Fig. 3.14, (a) to (c).
     """
-    four, c2 = KINDS["unknown_road"].default, float(tyre.c2)
+    four, c2 = defaults_of(UnknownRoad), float(tyre.c2)
     bounds = {"the rig's road": (c2 - 1, c2 + 1), "dry and wet": (22.0, 36.0), "all roads": (6.0, 96.0)}
     sets = [
         GainSet(f"4-state, bounds of {name}", "unknown_road", {**four, "rate1": low, "spread": high - low})
         for name, (low, high) in bounds.items()
     ]
-    known = GainSet("3-state, c2 known", "known_road", {**KINDS["known_road"].default, "c2": c2})
+    known = GainSet("3-state, c2 known", "known_road", {**defaults_of(KnownRoad), "c2": c2})
     return [known, *sets, *tuned]
 
 

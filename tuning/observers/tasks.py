@@ -2,8 +2,8 @@
 
 import dataclasses
 from collections.abc import Iterator
-from importlib import resources
 from pathlib import Path
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -11,20 +11,23 @@ import numpy as np
 from absjax.observers.certificate import certify
 from absjax.observers.excitation import decay_along
 from absjax.observers.run import observe
+from absjax.observers.switched import SwitchedObserver
 from absjax.parameters import bounds_of
 from absjax.plant.wheel import Wheel
+from tuning.core.descent import Progress
 from tuning.core.figures import save
-from tuning.core.files import write_json
+from tuning.core.files import data_folder, write_json
+from tuning.core.journal import Journal
 from tuning.core.report import Report
-from tuning.core.search import Progress
-from tuning.logs.brake_log import BrakeLog, LogError, parse_columns, read_csv
+from tuning.logs.brake_log import BrakeLog, parse_columns, read_log
 from tuning.logs.car import car_of, read_car
+from tuning.logs.tables import LogError
 from tuning.observers import figures
-from tuning.observers.bench import log_bench
+from tuning.observers.bench import Bench, log_bench
 from tuning.observers.config import ObserverConfig
 from tuning.observers.metrics import rms
 from tuning.observers.scenarios import Scenarios
-from tuning.observers.signals import force_stiffness, observer_signals
+from tuning.observers.signals import LogSignals, force_stiffness, observer_signals
 from tuning.observers.study import (
     HELD_OUT_ROADS,
     NOISE,
@@ -64,7 +67,8 @@ def _outcome(result: ObserverResult, out: Path, tables, files) -> Report:
         save(figures.tuning_figure(result.history, result.config.observer), out / "history.png"),
         *files,
     ]
-    return Report(tables, [f"parameters: {parameters}", f"gains: {gains}", str(certify(observer))], files)
+    certificate = str(certify(observer)) if result.certificate else f"{result.config.observer} offers no certificate"
+    return Report(tables, [f"parameters: {parameters}", f"gains: {gains}", certificate], files, result.interrupted)
 
 
 def _pair(result: ObserverResult) -> list[GainSet]:
@@ -72,9 +76,9 @@ def _pair(result: ObserverResult) -> list[GainSet]:
     return [GainSet("before", kind, result.config.initial()), GainSet("tuned", kind, result.parameters)]
 
 
-def tune(config: ObserverConfig, out: Path, progress: Progress = lambda i, n, cost: None) -> Report:
+def tune(config: ObserverConfig, out: Path, progress: Progress, journal: Journal) -> Report:
     """Tune on simulated runs, and judge on road changes that were not tuned on."""
-    result = tune_observer(config, progress=progress)
+    result = tune_observer(config, progress=progress, journal=journal)
     pair, held_out = _pair(result), []
     for excitation in EXCITATIONS:
         held_out += held_out_rows(pair, held_out_runs(excitation), excitation)
@@ -90,33 +94,45 @@ def tune(config: ObserverConfig, out: Path, progress: Progress = lambda i, n, co
 HELD_OUT_TITLE = "settling on changes not tuned on, worst by the road changed to [s]"
 
 
-def tune_on_log(
-    config: ObserverConfig,
-    path: Path,
-    columns: str | None,
-    car: Path | None,
-    out: Path,
-    progress: Progress = lambda i, n, cost: None,
-) -> Report:
-    """Tune on the first part of a log with measured force, and judge on the rest.
+class LogTask(NamedTuple):
+    """A log to tune on: its first part, the rest to judge on."""
+
+    config: ObserverConfig
+    bench: Bench
+    log: BrakeLog
+    wheel: Wheel
+    signals: LogSignals
+    truth: np.ndarray
+    cut: float
+    """where the part tuned on ends, s"""
+
+
+def log_bench_of(config: ObserverConfig, path: Path, columns: str | None, car: Path | None) -> LogTask:
+    """A log with measured force as a bench.
 
     Raises:
         LogError: if the log has no force, or is too short to tune on one part and judge on the rest.
     """
     car = car_of(path, car)
     wheel = Wheel() if car is None else read_car(car)
-    log = read_csv(path, parse_columns(columns), radius=float(wheel.radius))
+    log = read_log(path, parse_columns(columns), radius=float(wheel.radius))
     if log.force is None:
         raise LogError(f"{path}: no longitudinal force; XBS cannot be known without it")
-    signals = observer_signals(log, wheel)
-    truth = force_stiffness(signals, identify(log, wheel).segments[0].tyre)
     cut = log.time[0] + LOG_SHARE * (log.time[-1] - log.time[0])
     if cut < log.time[0] + 2 * SETTLE:
         raise LogError(f"{path}: {log.time[-1] - log.time[0]:g} s of log; {2 * SETTLE / LOG_SHARE:.2g} s at least")
+    signals = observer_signals(log, wheel)
+    truth = force_stiffness(signals, identify(log, wheel).segments[0].tyre)
     described = {name: float(getattr(wheel, name)) for name in bounds_of(wheel)}
     config = dataclasses.replace(config, noise_weight=None, period=log.period, wheel=described)
     bench = log_bench(config, signals, truth, wheel, log.time[0] + SETTLE, cut)
-    result = tune_observer(config, bench, progress=progress)
+    return LogTask(config, bench, log, wheel, signals, truth, cut)
+
+
+def tune_on_log(task: LogTask, out: Path, progress: Progress, journal: Journal) -> Report:
+    """Tune on the first part of a log with measured force, and judge on the rest."""
+    config, bench, log, wheel, signals, truth, cut = task
+    result = tune_observer(config, bench, progress=progress, journal=journal)
     rows, found = [], {}
     for gains in _pair(result):
         run = observe(gains.observer(wheel), signals.samples, log.period, substeps=config.steps_per_sample)
@@ -124,7 +140,7 @@ def tune_on_log(
         error = found[gains.label] - truth
         parts = {"tuned on": (log.time >= log.time[0] + SETTLE) & (log.time < cut), "held out": log.time >= cut}
         rows.append({"gains": gains.label, **{k: round(float(rms(error, part)), 4) for k, part in parts.items()}})
-    title = f"rms of XBS against force, before and after {cut:g} s of {path.name}"
+    title = f"rms of XBS against force, before and after {cut:g} s of {log.name}"
     file = save(figures.log_figure(signals, truth, found, cut), out / "log.png")
     return _outcome(result, out, {title: rows}, [file])
 
@@ -148,7 +164,7 @@ def _certificates(sets: list[GainSet], runs: Scenarios) -> Report:
     for gains in sets:
         observer = gains.observer(runs.wheel)
         lines.append(f"{gains.label}: {certify(observer)}")
-        if gains.kind != "adaptive":
+        if isinstance(observer, SwitchedObserver):
             decay = decay_along(observer, samples, runs.period)
             lines.append(f"  along a five-phase run every error decays at {decay:.3g} 1/s at least")
     return Report({}, lines, [])
@@ -174,17 +190,18 @@ def _figures_of_runs(sets, runs, out: Path) -> Report:
     chosen = {gains.label: gains for gains in sets if gains.label != "4-state, poles -100"}
     for name, noise in (("ideal", 0.0), ("perturbed", shaken)):
         found = {label: estimates(gains, one, noise) for label, gains in chosen.items()}
-        stiffness = {label: observed.stiffness for label, observed in found.items()}
+        stiffness = {label: np.asarray(observed.stiffness) for label, observed in found.items()}
         states = figures.states_figure(one, found["adaptive, default"], title=f"adaptive observer, {name}")
         files.append(save(states, out / f"{name}_states.png"))
         files.append(save(figures.stiffness_figure(one, stiffness, title=name), out / f"{name}_xbs.png"))
-    four = {"4-state, poles -60": estimates(chosen["4-state, poles -60"], one).stiffness}
+    four = {"4-state, poles -60": np.asarray(estimates(chosen["4-state, poles -60"], one).stiffness)}
     change = figures.stiffness_figure(one, four, title="a change of road, 4-state observer", zoom=(2.5, 4.0))
     files.append(save(change, out / "road_change_4_state.png"))
     files.append(save(figures.offset_figure(one, shaken), out / "perturbed_offset.png"))
     files.append(save(figures.excitation_figure(one), out / "excitation.png"))
     wrong = {
-        f"v {p:+d} %": estimates(chosen["adaptive, tuned"], one, speed=1 + p / 100).stiffness for p in (-20, 0, 20)
+        f"v {p:+d} %": np.asarray(estimates(chosen["adaptive, tuned"], one, speed=1 + p / 100).stiffness)
+        for p in (-20, 0, 20)
     }
     files.append(
         save(figures.stiffness_figure(one, wrong, title="vehicle speed wrong", zoom=(4.0, 5.0)), out / "speed.png")
@@ -224,8 +241,8 @@ def _trade_off(sets, out: Path) -> Report:
 
 def rig_log() -> tuple[BrakeLog, Wheel]:
     """The rig log shipped with the package, and its wheel."""
-    with resources.as_file(resources.files("tuning") / "data") as data:
-        return read_csv(data / "rig_65kmh.csv"), read_car(data / "rig_65kmh.json")
+    with data_folder() as data:
+        return read_log(data / "rig_65kmh.csv"), read_car(data / "rig_65kmh.json")
 
 
 def _rig(sets, out: Path) -> Report:

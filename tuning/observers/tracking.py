@@ -14,6 +14,7 @@ from absjax.controllers.five_phase import FivePhase
 from absjax.controllers.tracking import AccelerationTracking
 from absjax.hybrid.rollout import Rollout, rollout
 from absjax.loop.closed_loop import ClosedLoop
+from absjax.observers import OBSERVERS
 from absjax.observers.run import require_stable
 from absjax.plant.brake import Brake
 from absjax.plant.quarter_car import QuarterCar
@@ -21,7 +22,6 @@ from absjax.plant.road import ChangingRoad
 from absjax.plant.wheel import Wheel
 from absjax.signals import Signals
 from absjax.tyres.burckhardt import Burckhardt
-from tuning.observers.kinds import KINDS
 
 ROADS = (Burckhardt(1.28, 24.0, 0.52), Burckhardt(0.86, 34.0, 0.35), Burckhardt(0.28, 50.0, 0.05))
 CHANGES = (3.0, 4.0)
@@ -58,7 +58,7 @@ def loops(shift: Any = 0.0) -> dict[str, ClosedLoop]:
     brake = Brake(rate_limit=750.0)
 
     def observer(kind):
-        return KINDS[kind].build(wheel, KINDS[kind].default)
+        return OBSERVERS[kind]().observer(wheel)
 
     tracking = AccelerationTracking(eps5=FIVE.eps5, wheel=wheel)
     return {
@@ -85,7 +85,7 @@ def drive(label: str, loop: ClosedLoop, step: float = STEP) -> Ride:
         save_every=round(1e-3 / step),
         save_switches=True,
     )
-    path = result.trajectory
+    path = result.path
     told = jax.vmap(loop.signals)(path.time, path.state, path.mode)
     if loop.observer is not None:
         require_stable(loop.observer, path.state.observer, told.acceleration_offset, told.vehicle_speed, step)
@@ -96,7 +96,7 @@ def drive(label: str, loop: ClosedLoop, step: float = STEP) -> Ride:
 
 def summary(ride: Ride) -> dict[str, Any]:
     """Whether the ride kept cycling: cycles on each road, and how it ended."""
-    log, memory = ride.result.switches, ride.result.state.memory
+    log, memory = ride.result.log, ride.result.state.memory
     source, target = (np.asarray(ride.loop.phase(np.asarray(x))) for x in (log.source, log.target))
     entered = np.asarray(log.time)[(target == ride.loop.controller.cycle_phase) & (source != target)]
     cycles = np.histogram(entered, [0.0, *CHANGES, DURATION + 1.0])[0]
@@ -124,8 +124,8 @@ def tracking_figure(rides: list[Ride]):
     """Speeds, acceleration offset, XBS and pressure of every ride, a column each."""
     figure, grid = plt.subplots(4, len(rides), figsize=(4.2 * len(rides), 9), sharex=True, sharey="row", squeeze=False)
     for column, ride in zip(grid.T, rides):
-        time = np.asarray(ride.result.trajectory.time)
-        valid = np.asarray(ride.result.trajectory.valid)
+        time = np.asarray(ride.result.path.time)
+        valid = np.asarray(ride.result.path.valid)
         s = jax.tree.map(lambda x, v=valid: x[v], ride.signals)
         column[0].plot(time[valid], s.vehicle_speed, label="vehicle")
         column[0].plot(time[valid], s.radius * s.wheel_speed, lw=0.7, label="wheel rim")

@@ -1,31 +1,34 @@
-"""Burckhardt's curve through points (slip, friction), both with errors."""
+"""A tyre curve through points (slip, friction), both with errors."""
+
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from absjax.tyres.burckhardt import Burckhardt
 from tuning.road.arrow_fit import Fit, arrow_fit
+from tuning.road.curve import Curve
 
 BLOCK = 50
 """Samples that form a cluster for the covariance."""
 SWEEPS = 4
 
 
-@jax.jit
-def _model(coefficients, slip):
-    friction = Burckhardt(*coefficients).friction
-    by_coefficient = jax.jacfwd(lambda c: Burckhardt(*c).friction(slip))(coefficients)
-    return friction(slip), by_coefficient, Burckhardt(*coefficients).stiffness(slip)
+@partial(jax.jit, static_argnums=0)
+def _model(curve: Curve, coefficients, slip):
+    tyre = curve.tyre(coefficients)
+    by_coefficient = jax.jacfwd(lambda c: curve.tyre(c).friction(slip))(coefficients)
+    return tyre.friction(slip), by_coefficient, tyre.stiffness(slip)
 
 
-def fit_curve(slip, friction, slip_noise, start) -> Fit:
+def fit_curve(curve: Curve, slip, friction, slip_noise, start) -> Fit:
     """Least squares weighted by the effective variance sigma_mu^2 + (mu'(lambda) sigma_lambda)^2.
 
     Args:
+        curve: the kind of curve.
         slip, friction: points, arrays (samples,); friction negative while braking.
         slip_noise: standard deviation of each slip, (samples,).
-        start: (c1, c2, c3).
+        start: coefficients.
     """
     usable = len(slip) // BLOCK * BLOCK
     order = slice(len(slip) - usable, None)
@@ -33,16 +36,16 @@ def fit_curve(slip, friction, slip_noise, start) -> Fit:
     noise = white_noise(friction)
     shared, fit = np.asarray(start, float), None
     for _ in range(SWEEPS):
-        stiffness = np.asarray(_model(jnp.asarray(shared), jnp.asarray(slip))[2])
+        stiffness = np.asarray(_model(curve, jnp.asarray(shared), jnp.asarray(slip))[2])
         weight = 1 / np.sqrt(noise**2 + (stiffness * slip_noise) ** 2)
 
         def evaluate(c, own, weight=weight):
-            value, slope, _ = map(np.asarray, _model(jnp.asarray(c), jnp.asarray(slip)))
+            value, slope, _ = map(np.asarray, _model(curve, jnp.asarray(c), jnp.asarray(slip)))
             blocks = (-1, BLOCK)
             residual = ((value - friction) * weight).reshape(blocks)
-            return residual, (slope * weight[:, None]).reshape(*residual.shape, 3), np.zeros((*residual.shape, 0))
+            return residual, (slope * weight[:, None]).reshape(*residual.shape, -1), np.zeros((*residual.shape, 0))
 
-        fit = arrow_fit(evaluate, shared, np.zeros((usable // BLOCK, 0)), lower=np.zeros(3))
+        fit = arrow_fit(evaluate, shared, np.zeros((usable // BLOCK, 0)), lower=curve.lower)
         shared = fit.shared
     assert fit is not None
     return fit

@@ -8,13 +8,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from absjax.plant.wheel import Wheel
-from absjax.tyres.burckhardt import Burckhardt
 from tuning.core.figures import save
 from tuning.logs.brake_log import BrakeLog
-from tuning.road.identify import Identification, Segment
+from tuning.road.curve import Curve
+from tuning.road.identify import Z95, Identification, Segment
 from tuning.road.samples import friction_samples
-
-Z95 = 1.96
 
 
 def identification_figures(result: Identification, log: BrakeLog, wheel: Wheel, folder: Path) -> list[Path]:
@@ -35,9 +33,8 @@ def friction_figure(result: Identification, log: BrakeLog, wheel: Wheel):
         axes.plot(-samples.slip[inside], -samples.friction[inside], ".", ms=1.5, alpha=0.25, color=colour)
         slip = np.linspace(0, max(0.3, 1.3 * segment.largest_slip, 1.5 * min(segment.peak_slip, 0.5)), 300)
         middle, half = _band(segment, slip)
-        label = (
-            f"{segment.start:.2f} to {segment.end:.2f} s: c = ({segment.c1:.3f}, {segment.c2:.2f}, {segment.c3:.3f})"
-        )
+        found = ", ".join(f"{name} {value:.4g}" for name, value in segment.parameters.items())
+        label = f"{segment.start:.2f} to {segment.end:.2f} s: {found}"
         axes.plot(slip, middle, color="k", lw=2.2)
         axes.plot(slip, middle, color=colour, lw=1.4, label=label)
         axes.fill_between(slip, middle - half, middle + half, color=colour, alpha=0.35)
@@ -61,10 +58,12 @@ def friction_figure(result: Identification, log: BrakeLog, wheel: Wheel):
 def _band(segment: Segment, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Friction magnitude of the fitted curve and its 95 % half-width."""
 
-    def friction(c):
-        return -Burckhardt(c[0], c[1], c[2]).friction(-jnp.asarray(slip))
+    curve = Curve(type(segment.tyre))
 
-    c = jnp.asarray([segment.c1, segment.c2, segment.c3])
+    def friction(c):
+        return -curve.tyre(c).friction(-jnp.asarray(slip))
+
+    c = jnp.asarray(list(segment.parameters.values()))
     slope = np.asarray(jax.jacfwd(friction)(c))
     variance = np.einsum("np,pq,nq->n", slope, np.asarray(segment.covariance), slope)
     return np.asarray(friction(c)), Z95 * np.sqrt(np.maximum(variance, 0))

@@ -10,11 +10,15 @@ import numpy as np
 
 from absjax.plant.road import ChangingRoad
 from absjax.plant.wheel import Wheel
-from absjax.tyres.burckhardt import Burckhardt
+from absjax.tyres import TYRES
+from absjax.tyres.base import Tyre
+from tuning.core.components import component
 from tuning.core.version import VERSION
-from tuning.logs.brake_log import BrakeLog, LogError
+from tuning.logs.brake_log import BrakeLog
+from tuning.logs.tables import LogError
 from tuning.road.arrow_fit import Fit
 from tuning.road.changes import Stretch, find_stretches
+from tuning.road.curve import Curve
 from tuning.road.curve_fit import fit_curve, white_noise
 from tuning.road.output_error import fit_output_error
 from tuning.road.samples import FrictionSamples, friction_samples
@@ -27,8 +31,9 @@ GUARD = 0.03
 LARGEST_RELATIVE_WIDTH = 0.5
 """A parameter whose 95 % half-width exceeds this share of it is not identifiable."""
 BLENDS = (0.001, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.06)
-PARAMETERS = ("c1", "c2", "c3")
-QUANTITIES = (*PARAMETERS, "peak_friction", "peak_slip")
+PEAK = ("peak_friction", "peak_slip")
+NEGLIGIBLE, ABSOLUTE_WIDTH = 1e-4, 0.1
+"""A coefficient below the first is known if its half-width is below the second."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,24 +42,22 @@ class Segment:
 
     Attributes:
         start, end: of the stretch [s].
-        c1, c2, c3: Burckhardt coefficients.
+        parameters: the coefficients that were fitted, by name.
         peak_friction, peak_slip: of the fitted curve; `peak_slip` is a magnitude.
-        ci95: 95 % interval (low, high) of each of the five.
-        correlation: of (c1, c2, c3), 3 x 3.
-        covariance: of (c1, c2, c3), 3 x 3.
-        identifiable: whether the log says what each of the five is.
+        ci95: 95 % interval (low, high) of each coefficient, and of the peak.
+        correlation, covariance: of the coefficients.
+        identifiable: whether the log says what each of them, and the peak, is.
         statements: in words, what it does not say, and why.
         method: 'curve fit' or 'output error'.
         largest_slip: largest magnitude of slip reached.
         residual_rms: of the whitened residuals; near 1 when noise is all that is left.
         samples: used.
+        kind: name of the tyre curve, in `absjax.tyres.TYRES`, or `package.module:Class`.
     """
 
     start: float
     end: float
-    c1: float
-    c2: float
-    c3: float
+    parameters: dict[str, float]
     peak_friction: float
     peak_slip: float
     ci95: dict[str, tuple[float, float]]
@@ -66,11 +69,25 @@ class Segment:
     largest_slip: float
     residual_rms: float
     samples: int
+    kind: str = "burckhardt"
 
     @property
-    def tyre(self) -> Burckhardt:
+    def tyre(self) -> Tyre:
         """The fitted curve."""
-        return Burckhardt(self.c1, self.c2, self.c3)
+        return component("tyre", self.kind, TYRES, Tyre)(**self.parameters)
+
+    def to_json(self) -> dict[str, Any]:
+        """A plain dictionary, the coefficients entries of their own."""
+        plain = dataclasses.asdict(self)
+        return {**plain.pop("parameters"), **plain}
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "Segment":
+        """Read back what `to_json` gave."""
+        fields = {field.name for field in dataclasses.fields(cls)}
+        known = {name: value for name, value in data.items() if name in fields}
+        known["parameters"] = {name: value for name, value in data.items() if name not in fields}
+        return cls(**{**known, "ci95": {k: tuple(v) for k, v in data["ci95"].items()}})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,20 +110,18 @@ class Identification:
 
     def to_json(self) -> dict[str, Any]:
         """A plain dictionary."""
-        return dataclasses.asdict(self)
+        return {**dataclasses.asdict(self), "segments": [segment.to_json() for segment in self.segments]}
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Identification":
         """Read back what `to_json` gave."""
-        segments = [
-            Segment(**{**segment, "ci95": {k: tuple(v) for k, v in segment["ci95"].items()}})
-            for segment in data["segments"]
-        ]
-        return cls(**{**data, "segments": segments})
+        return cls(**{**data, "segments": [Segment.from_json(segment) for segment in data["segments"]]})
 
 
-def identify(log: BrakeLog, wheel: Wheel | None = None, *, progress=lambda message: None) -> Identification:
-    """Fit Burckhardt's curve to every surface of a log.
+def identify(
+    log: BrakeLog, wheel: Wheel | None = None, kind: str = "burckhardt", *, progress=lambda message: None
+) -> Identification:
+    """Fit a tyre curve to every surface of a log.
 
     With force measured the curve is fitted to the points (slip, force / load); without, by output error
     of the rolled-out car (`tuning.road.output_error`).
@@ -114,12 +129,14 @@ def identify(log: BrakeLog, wheel: Wheel | None = None, *, progress=lambda messa
     Args:
         log: a checked log.
         wheel: wheel, load and brake of the car; the default wheel when None.
+        kind: name of the tyre curve, in `absjax.tyres.TYRES`, or `package.module:Class`.
         progress: called with a line of text as the work goes on.
 
     Raises:
         LogError: if the sampling is not uniform, or the log never brakes.
+        ConfigError: if there is no such tyre curve.
     """
-    wheel = Wheel() if wheel is None else wheel
+    wheel, curve = Wheel() if wheel is None else wheel, Curve(component("tyre", kind, TYRES, Tyre))
     _check_uniform(log)
     samples = friction_samples(log, wheel)
     largest = float(np.quantile(np.abs(samples.slip), 0.999))
@@ -130,13 +147,14 @@ def identify(log: BrakeLog, wheel: Wheel | None = None, *, progress=lambda messa
     progress(f"{len(stretches)} surface{'s' if len(stretches) > 1 else ''} found")
     # The fits need double precision whatever the caller works in.
     with jax.enable_x64(True):
-        fits = [_fit(log, wheel, samples, stretch, stretches, progress) for stretch in stretches]
-    tyres = [Burckhardt(*map(float, fit.shared)) for fit, _, _ in fits]
+        fits = [_fit(curve, log, wheel, samples, stretch, stretches, progress) for stretch in stretches]
+    tyres = [curve.tyre(map(float, fit.shared)) for fit, _, _ in fits]
     changes = [_refine_change(samples, tyres[i], tyres[i + 1], stretches[i + 1].first) for i in range(len(tyres) - 1)]
     starts = [float(log.time[0])] + [start for start, _ in changes]
     ends = starts[1:] + [float(log.time[-1])]
     segments = [
-        _segment(fit, method, samples, used, start, end) for (fit, method, used), start, end in zip(fits, starts, ends)
+        _segment(kind, curve, fit, method, samples, used, start, end)
+        for (fit, method, used), start, end in zip(fits, starts, ends)
     ]
     described = {f.name: float(getattr(wheel, f.name)) for f in dataclasses.fields(wheel)}
     return Identification(log.name, segments, [blend for _, blend in changes], described)
@@ -153,24 +171,27 @@ def _check_uniform(log: BrakeLog) -> None:
         )
 
 
-def _fit(log, wheel, samples: FrictionSamples, stretch: Stretch, stretches: list[Stretch], progress):
+def _fit(curve: Curve, log, wheel, samples: FrictionSamples, stretch: Stretch, stretches: list[Stretch], progress):
     inside = np.zeros(len(log.time), bool)
     inside[stretch.first : stretch.last] = True
     for other in stretches[1:]:
         inside &= np.abs(log.time - log.time[other.first]) > GUARD
-    start = np.maximum(stretch.coefficients, 1e-3)
+    start = curve.near(np.maximum(stretch.coefficients, 1e-3))
     if samples.source == "force":
         rim_noise = float(wheel.radius) * white_noise(log.wheel_speed)
         noise = np.hypot(rim_noise, (1 + samples.slip) * white_noise(log.vehicle_speed)) / log.vehicle_speed
-        fit, method = fit_curve(samples.slip[inside], samples.friction[inside], noise[inside], start), "curve fit"
+        fit, method = (
+            fit_curve(curve, samples.slip[inside], samples.friction[inside], noise[inside], start),
+            "curve fit",
+        )
     else:
-        fit, method = fit_output_error(log, wheel, inside, start), "output error"
-    c1, c2, c3 = fit.shared
-    progress(f"{method}: c1 {c1:.4f}, c2 {c2:.3f}, c3 {c3:.4f} after {fit.iterations} iterations")
+        fit, method = fit_output_error(curve, log, wheel, inside, start), "output error"
+    found = ", ".join(f"{name} {value:.4g}" for name, value in zip(curve.names, fit.shared))
+    progress(f"{method}: {found} after {fit.iterations} iterations")
     return fit, method, inside
 
 
-def _refine_change(samples: FrictionSamples, before: Burckhardt, after: Burckhardt, near: int) -> tuple[float, float]:
+def _refine_change(samples: FrictionSamples, before: Tyre, after: Tyre, near: int) -> tuple[float, float]:
     """Beginning and length [s] of the linear blend that fits the points around a change best."""
     window = np.abs(samples.time - samples.time[near]) < 0.15
     time, friction = samples.time[window], samples.friction[window]
@@ -185,27 +206,29 @@ def _refine_change(samples: FrictionSamples, before: Burckhardt, after: Burckhar
     return best[1], best[2]
 
 
-def _segment(fit: Fit, method: str, samples: FrictionSamples, used, start: float, end: float) -> Segment:
-    c = fit.shared
+def _segment(kind, curve: Curve, fit: Fit, method: str, samples: FrictionSamples, used, start, end) -> Segment:
     with jax.enable_x64(True):
 
-        def all_five(c):
-            peak = Burckhardt(c[0], c[1], c[2]).peak()
-            return jnp.stack([c[0], c[1], c[2], peak.friction, peak.slip])
+        def everything(c):
+            peak = curve.tyre(c).peak()
+            return jnp.stack([*c, peak.friction, peak.slip])
 
-        values = np.asarray(all_five(jnp.asarray(c)))
-        slopes = np.asarray(jax.jacfwd(all_five)(jnp.asarray(c)))
+        shared = jnp.asarray(fit.shared)
+        values, slopes = np.asarray(everything(shared)), np.asarray(jax.jacfwd(everything)(shared))
     widths = Z95 * np.sqrt(np.maximum(np.einsum("ip,pq,iq->i", slopes, fit.covariance, slopes), 0))
     deviation = np.sqrt(np.diag(fit.covariance))
     correlation = fit.covariance / np.maximum(np.outer(deviation, deviation), 1e-300)
     largest = float(np.quantile(np.abs(samples.slip[used]), 0.999))
-    identifiable, statements = _identifiability(values, widths, largest)
-    named = dict(zip(QUANTITIES, map(float, values)))
+    names = (*curve.names, *PEAK)
+    value, width = dict(zip(names, map(float, values))), dict(zip(names, map(float, widths)))
+    identifiable, statements = _identifiability(curve, value, width, largest)
     return Segment(
         start=start,
         end=end,
-        **named,
-        ci95={name: (float(v - w), float(v + w)) for name, v, w in zip(QUANTITIES, values, widths)},
+        parameters={name: value[name] for name in curve.names},
+        peak_friction=value["peak_friction"],
+        peak_slip=value["peak_slip"],
+        ci95={name: (value[name] - width[name], value[name] + width[name]) for name in names},
         correlation=correlation.tolist(),
         covariance=fit.covariance.tolist(),
         identifiable=identifiable,
@@ -214,18 +237,18 @@ def _segment(fit: Fit, method: str, samples: FrictionSamples, used, start: float
         largest_slip=largest,
         residual_rms=float(np.sqrt(np.mean(fit.residual**2))),
         samples=int(np.sum(used)),
+        kind=kind,
     )
 
 
-def _identifiability(values, widths, largest: float) -> tuple[dict[str, bool], list[str]]:
-    value, width = dict(zip(QUANTITIES, values)), dict(zip(QUANTITIES, widths))
+def _identifiability(curve: Curve, value, width, largest: float) -> tuple[dict[str, bool], list[str]]:
     passed = largest > value["peak_slip"]
     identifiable, statements = {}, []
-    for name in QUANTITIES:
+    for name in value:
         known = bool(np.isfinite(width[name]) and width[name] <= LARGEST_RELATIVE_WIDTH * abs(value[name]))
-        if name == "c3" and value[name] < 1e-4:
-            known = bool(width[name] < 0.1)
-        if name in ("c3", "peak_friction", "peak_slip") and not passed:
+        if abs(value[name]) < NEGLIGIBLE:
+            known = bool(width[name] < ABSOLUTE_WIDTH)
+        if name in (*curve.kind.beyond_peak, *PEAK) and not passed:
             known = False
             statements.append(
                 f"{name} is not identifiable: slip reached {largest:.3f} and never passed the peak, "

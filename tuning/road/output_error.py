@@ -1,4 +1,4 @@
-"""Burckhardt's curve from a log without measured force: output error by multiple shooting.
+"""A tyre curve from a log without measured force: output error by multiple shooting.
 
 The log is cut into short intervals. In each, the car (or the wheel on a rig) is rolled out from its own
 initial state under the logged pressure, and the coefficients and all initial states are fitted to the
@@ -19,9 +19,9 @@ from absjax.plant.quarter_car import CarState, QuarterCar
 from absjax.plant.road import UniformRoad
 from absjax.plant.test_rig import RigState, TestRig
 from absjax.plant.wheel import Wheel
-from absjax.tyres.burckhardt import Burckhardt
 from tuning.logs.brake_log import BrakeLog
 from tuning.road.arrow_fit import Fit, arrow_fit
+from tuning.road.curve import Curve
 from tuning.road.curve_fit import white_noise
 from tuning.road.samples import is_rig
 
@@ -46,14 +46,15 @@ class DrivenPlant(Smooth):
         return self.plant.flow(time, state, pressure)
 
 
-def fit_output_error(log: BrakeLog, wheel: Wheel, inside: np.ndarray, start) -> Fit:
-    """Fit (c1, c2, c3) to the stretch of the log where `inside` holds.
+def fit_output_error(curve: Curve, log: BrakeLog, wheel: Wheel, inside: np.ndarray, start) -> Fit:
+    """Fit the coefficients of a curve to the stretch of the log where `inside` holds.
 
     Args:
+        curve: the kind of curve.
         log: the log, uniformly sampled.
         wheel: wheel, load and brake.
         inside: samples that may be used, bool (samples,), one stretch.
-        start: (c1, c2, c3).
+        start: coefficients.
     """
     period, length = log.period, max(8, round(INTERVAL / log.period))
     used = np.flatnonzero(inside)
@@ -72,31 +73,31 @@ def fit_output_error(log: BrakeLog, wheel: Wheel, inside: np.ndarray, start) -> 
     pressure = jnp.asarray(log.brake_pressure[index])
 
     def outputs(coefficients, own):
-        road = UniformRoad(Burckhardt(*coefficients))
+        road = UniformRoad(curve.tyre(coefficients))
         if rig:
             plant = TestRig(wheel, road, jnp.asarray(trend[1]), jnp.asarray(trend[0]))
             state = RigState(own[:, 0])
         else:
             plant = QuarterCar(wheel, road)
             state = CarState(own[:, 1], own[:, 0], jnp.zeros(lanes))
-        path = rollout(
-            DrivenPlant(plant, pressure, period), state, step=period, steps=length, save_every=1
-        ).trajectory.state
+        driven = DrivenPlant(plant, pressure, period)
+        path = rollout(driven, state, step=period, steps=length, save_every=1).path.state
         if rig:
             return path.wheel_speed[..., None]
         slip = wheel.slip(path.wheel_speed, path.speed)
-        acceleration = Burckhardt(*(c[:, None] for c in coefficients)).friction(slip) * (wheel.load / wheel.mass)
+        acceleration = curve.tyre(c[:, None] for c in coefficients).friction(slip) * (wheel.load / wheel.mass)
         return jnp.stack([path.wheel_speed, path.speed, acceleration], axis=-1)[..., : len(channels)]
 
-    states = 1 if rig else 2
+    states, size = 1 if rig else 2, len(curve.names)
 
     @jax.jit
     def linearised(shared, own):
         spread = [jnp.full(lanes, c) for c in shared]
-        directions = jnp.eye(3 + states)
+        directions = jnp.eye(size + states)
 
         def along(direction):
-            tangent = ([jnp.full(lanes, direction[i]) for i in range(3)], jnp.broadcast_to(direction[3:], own.shape))
+            along_shared = [jnp.full(lanes, direction[i]) for i in range(size)]
+            tangent = (along_shared, jnp.broadcast_to(direction[size:], own.shape))
             return jax.jvp(outputs, (spread, own), tangent)
 
         values, slopes = jax.vmap(along, out_axes=(None, -1))(directions)
@@ -108,8 +109,8 @@ def fit_output_error(log: BrakeLog, wheel: Wheel, inside: np.ndarray, start) -> 
         values, slopes = map(np.asarray, linearised(jnp.asarray(shared), jnp.asarray(own)))
         residual = ((values - measured) * scale).reshape(lanes, -1)
         slopes = (slopes * scale[:, None]).reshape(lanes, residual.shape[1], -1)
-        return residual, slopes[..., :3], slopes[..., 3:]
+        return residual, slopes[..., :size], slopes[..., size:]
 
     fitted = np.polyfit(clock, log.wheel_speed[index].T, 3)[-1]
     own = fitted[:, None] if rig else np.stack([fitted, trend[1]], axis=1)
-    return arrow_fit(evaluate, np.asarray(start, float), own, lower=np.full(3, 1e-6))
+    return arrow_fit(evaluate, np.asarray(start, float), own, lower=curve.lower + 1e-6)

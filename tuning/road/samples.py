@@ -47,4 +47,4 @@ def friction_samples(log: BrakeLog, wheel: Wheel) -> FrictionSamples:
 
 def _rate(log: BrakeLog, signal: np.ndarray) -> np.ndarray:
     window = max(5, 2 * round(SMOOTHING / log.period / 2) + 1)
-    return savgol_filter(signal, window, 2, deriv=1, delta=log.period)
+    return np.asarray(savgol_filter(signal, window, 2, deriv=1, delta=log.period))

@@ -11,24 +11,22 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from absjax.controllers import CONTROLLERS
 from absjax.loop.ideal import ideal_distance
 from absjax.loop.stop import stop
 from tuning.controllers import published
-from tuning.controllers.batch import Figures, Row, every_set_on_every_row, rows_of
+from tuning.controllers.batch import every_set_on_every_row
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import tuned_sets
-from tuning.controllers.roads import stacked, surfaces_of
+from tuning.controllers.rows import Row, rows_of
 from tuning.controllers.settings import LOCATED, SAMPLED, Setting
-from tuning.controllers.study.ride import ride_of
+from tuning.controllers.setup import Setup
+from tuning.controllers.stop_figures import StopFigures
+from tuning.controllers.study.ride import Ride, ride_of
+from tuning.core.components import initial
+from tuning.core.roads import stacked, surfaces_of
 
-NAMES = {
-    "five_phase": "five-phase",
-    "tracking": "five-phase, tracking",
-    "two_phase": "two-phase",
-    "stiffness": "continuous, true XBS",
-    "slip": "wheel slip",
-    "bosch": "eight-phase",
-}
+NAMES = {name: kind.title for name, kind in CONTROLLERS.items()}
 SETS = ("untuned", "tuned")
 HORIZON = 2.0
 """Longest time allowed, as a multiple of the ideal stop's, plus one second."""
@@ -49,12 +47,11 @@ class Entry(NamedTuple):
     row: Row
     ideal: float
     """from the pedal, m"""
-    stop: Figures
-    by_slip: bool
-    """whether only the slip limit can end an apply there: XBS never falls to chi_a"""
-    jerk: float | None = None
-    largest_slip: float | None = None
-    time_above_large_slip: float | None = None
+    stop: StopFigures
+    mark: str
+    """what is special about it, see `absjax.controllers.base.Controller.mark_on`"""
+    ride: Ride | None = None
+    """what else a driver notices, where the stop was recorded"""
 
     @property
     def excess(self) -> float | None:
@@ -66,16 +63,16 @@ def stops_of(
     config: TuningConfig, sets: Mapping[str, Mapping[str, float]], setting: Setting, record: bool = False
 ) -> list[Entry]:
     """Stops of parameter sets of one controller on all rows of a configuration."""
-    rows = rows_of(config)
+    setup, rows = Setup.of(config), rows_of(config)
     road, pedal = stacked([row.road for row in rows]), np.array([row.pedal_rate for row in rows])
     speed = np.array([row.speed for row in rows])
-    loop = config.loop(config.base_controller(), road, pedal)
+    loop = setup.loop(setup.controller(), road, pedal)
     horizon = HORIZON * max(row.longest_ideal for row in rows) + 1.0
     ideal = np.asarray(ideal_distance(dataclasses.replace(loop, observer=None), speed, horizon=horizon))
     names = tuple(next(iter(sets.values())))
     values = {name: np.array([chosen[name] for chosen in sets.values()]) for name in names}
     lanes = every_set_on_every_row(loop, values, len(rows))
-    system, step = setting.applied(config, lanes)
+    system, step = setting.applied(setup, lanes)
     stopped = stop(
         system,
         np.repeat(speed, len(sets)),
@@ -93,9 +90,9 @@ def stops_of(
             setting,
             row,
             float(ideal[i]),
-            Figures.of(stopped, lane),
-            _by_slip(config, chosen, row),
-            *([] if ride is None else [float(values[lane]) for values in ride]),
+            StopFigures.of(stopped, lane),
+            setup.controller(chosen).mark_on(surfaces_of(row.road)[0]),
+            None if ride is None else Ride(*(float(values[lane]) for values in ride)),
         )
         for i, row in enumerate(rows)
         for k, (name, chosen) in enumerate(sets.items())
@@ -103,15 +100,9 @@ def stops_of(
     ]
 
 
-def _by_slip(config: TuningConfig, chosen: Mapping[str, float], row: Row) -> bool:
-    flattest = min(float(tyre.c3) for tyre in surfaces_of(row.road)[0])
-    return config.controller == "two_phase" and chosen["chi_a"] <= -flattest
-
-
 def untuned_and_tuned(config: TuningConfig) -> dict[str, dict[str, float]]:
     """Parameters of the default set, and of the start of a shipped configuration."""
-    default = dataclasses.replace(config, start={})
-    return dict(zip(SETS, (default.initial(), config.initial())))
+    return dict(zip(SETS, (initial(config.kind, {}), initial(config.kind, config.start))))
 
 
 def study(
@@ -166,10 +157,10 @@ def details(entries: Sequence[Entry]) -> list[dict[str, Any]]:
             **_key(e),
             "longest_lock_s_above_15": _rounded(e.stop.longest_lock_above_15),
             "longest_cycle_s": _rounded(e.stop.longest_cycle),
-            "rms_jerk_m_s3": _rounded(e.jerk),
-            "largest_slip_above_15": _rounded(e.largest_slip),
-            "slip_above_0_5_s": _rounded(e.time_above_large_slip),
-            "apply_ended_by_slip_limit": e.by_slip,
+            "rms_jerk_m_s3": None if e.ride is None else _rounded(e.ride.jerk),
+            "largest_slip_above_15": None if e.ride is None else _rounded(e.ride.largest_slip),
+            "slip_above_0_5_s": None if e.ride is None else _rounded(e.ride.time_above_large_slip),
+            "apply_ended_by_slip_limit": e.mark == "S",
         }
         for e in entries
     ]
@@ -198,12 +189,12 @@ def summary(entries: Sequence[Entry]) -> list[dict[str, Any]]:
                 "setting": key[2].label,
                 "stops": len(mine),
                 "do not end": len(mine) - len(excess),
-                "mean above ideal [%]": _percent(np.mean(excess) if excess else None),
+                "mean above ideal [%]": _percent(float(np.mean(excess)) if excess else None),
                 "worst [%]": _percent(max(excess, default=None)),
-                "quantity above its ideal, mean [%]": _percent(np.mean(quantity) if quantity else None),
-                "latest onset [s]": f"{max(e.stop.onset_s for e in mine):.2f}",
-                "lock > 15 km/h, longest [s]": f"{max(e.stop.longest_lock_above_15 for e in mine):.3f}",
-                "lock > 2.5 km/h, most [s]": f"{max(e.stop.lock_s_above_2_5 for e in mine):.3f}",
+                "quantity above its ideal, mean [%]": _percent(float(np.mean(quantity)) if quantity else None),
+                "latest onset [s]": f"{max(e.stop.onset_s or 0.0 for e in mine):.2f}",
+                "lock > 15 km/h, longest [s]": f"{max(e.stop.longest_lock_above_15 or 0.0 for e in mine):.3f}",
+                "lock > 2.5 km/h, most [s]": f"{max(e.stop.lock_s_above_2_5 or 0.0 for e in mine):.3f}",
             }
         )
     return rows
@@ -216,17 +207,17 @@ def _percent(share: float | None) -> str:
 def ride_rows(entries: Sequence[Entry]) -> list[dict[str, Any]]:
     """Jerk and slip by controller, set and setting, of the stops that were recorded."""
     rows = []
-    recorded = [e for e in entries if e.jerk is not None]
+    recorded = [e for e in entries if e.ride is not None]
     for key in dict.fromkeys((e.controller, e.set, e.setting) for e in recorded):
-        mine = [e for e in recorded if (e.controller, e.set, e.setting) == key]
+        mine = [e.ride for e in recorded if e.ride and (e.controller, e.set, e.setting) == key]
         rows.append(
             {
                 "controller": NAMES[key[0]],
                 "set": key[1],
                 "setting": key[2].label,
-                "rms jerk, mean [m/s³]": round(float(np.mean([e.jerk for e in mine])), 1),
-                "largest slip > 15 km/h": round(max(e.largest_slip for e in mine), 2),
-                "slip > 0.5, most [s]": round(max(e.time_above_large_slip for e in mine), 3),
+                "rms jerk, mean [m/s³]": round(float(np.mean([ride.jerk for ride in mine])), 1),
+                "largest slip > 15 km/h": round(max(ride.largest_slip for ride in mine), 2),
+                "slip > 0.5, most [s]": round(max(ride.time_above_large_slip for ride in mine), 3),
             }
         )
     return rows
@@ -248,7 +239,7 @@ def wide_rows(entries: Sequence[Entry], setting: Setting, which: str = "tuned") 
 
 
 def cell(entry: Entry) -> str:
-    """Distance from the pedal, or how the stop failed to end; S where only the slip limit ends an apply."""
+    """Distance from the pedal, or how the stop failed to end; with its mark."""
     if entry.stop.distance is None:
         return entry.stop.outcome.lower().replace("_", " ")
-    return f"{entry.stop.distance:.2f}" + (" S" if entry.by_slip else "")
+    return f"{entry.stop.distance:.2f} {entry.mark}".rstrip()

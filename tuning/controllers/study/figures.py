@@ -11,6 +11,7 @@ from absjax.tyres.surfaces import SURFACES
 from tuning.controllers.cycles import CycleRow
 from tuning.controllers.recipes import tuned_sets
 from tuning.controllers.settings import Setting
+from tuning.controllers.setup import Setup
 from tuning.controllers.study.distances import NAMES, Entry, untuned_and_tuned
 
 
@@ -20,12 +21,11 @@ def slip_planes_figure(road: str = "wet_asphalt", speed_kmh: float = 120.0):
     for name, color in (("five_phase", "C0"), ("two_phase", "C1")):
         config = tuned_sets()[name]
         for axes, (which, values) in zip(grid, untuned_and_tuned(config).items()):
-            loop = config.loop(config.kind.build(config.car(), values), SURFACES[road])
-            every = max(1, round(1e-3 / config.grid_step))
-            stopped = stop(
-                loop, speed_kmh / 3.6, horizon=12.0, step=config.grid_step, save_every=every, max_events=1500
-            )
-            phase_plane(axes, loop, stopped.rollout.trajectory, color=color, label=NAMES[name])
+            setup = Setup.of(config)
+            loop = setup.loop(setup.controller(values), SURFACES[road])
+            every = max(1, round(1e-3 / setup.step))
+            stopped = stop(loop, speed_kmh / 3.6, horizon=12.0, step=setup.step, save_every=every, max_events=1500)
+            phase_plane(axes, loop, stopped.rollout.path, color=color, label=NAMES[name])
             axes.set_title(f"{road.replace('_', ' ')}, {speed_kmh:g} km/h, {which}")
     for axes in grid:
         axes.axvline(-float(SURFACES[road].peak().slip), color="k", ls=":", lw=0.8)

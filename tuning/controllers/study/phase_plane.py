@@ -20,6 +20,7 @@ from absjax.hybrid.rollout import rollout
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import FreeRamp
 from absjax.observers.base import Sample
+from absjax.observers.designs import Adaptive
 from absjax.observers.run import observe
 from absjax.plant.brake import Brake
 from absjax.plant.road import UniformRoad
@@ -27,7 +28,6 @@ from absjax.plant.test_rig import TestRig
 from absjax.plant.wheel import Wheel
 from absjax.results import UNDEFINED
 from absjax.tyres.surfaces import SURFACES
-from tuning.observers.kinds import KINDS
 
 SPEED, DURATION, STEP = 25.0, 2.0, 1.25e-4
 """m/s, s, s"""
@@ -71,7 +71,7 @@ class PhaseRun(NamedTuple):
 
 def observer():
     """The adaptive observer with default gains; it takes the road for another one at the start."""
-    return KINDS["adaptive"].build(Wheel(), KINDS["adaptive"].default)
+    return Adaptive().observer(Wheel())
 
 
 def run(controller: Any, start: tuple[float, float], in_the_loop: bool) -> PhaseRun:
@@ -87,14 +87,15 @@ def run(controller: Any, start: tuple[float, float], in_the_loop: bool) -> Phase
     state = loop.braking(jnp.asarray(SPEED), TYRE.slip_at(start[1]), start[0])
     result = rollout(loop, state, 1, step=STEP, steps=round(DURATION / STEP), save_every=1)
     result.raise_if_failed()
-    path, valid = result.trajectory, np.asarray(result.trajectory.valid)
+    path, valid = result.path, np.asarray(result.path.valid)
     signals = jax.vmap(loop.measured)(path.time, path.state, path.mode)
     told = jax.vmap(loop.signals)(path.time, path.state, path.mode).stiffness
     if not in_the_loop:
         told = observe(observer(), Sample.of(signals), STEP).stiffness
-    arrays = (np.asarray(x)[valid] for x in (path.time, signals.acceleration_offset, signals.stiffness, told))
+    columns = path.time, signals.acceleration_offset, signals.stiffness, told
+    time, offset, stiffness, estimate = (np.asarray(x)[valid] for x in columns)
     label = "estimated XBS" if in_the_loop else "true XBS"
-    return PhaseRun(label, *arrays, bool(result.mode == UNDEFINED))
+    return PhaseRun(label, time, offset, stiffness, estimate, bool(result.mode == UNDEFINED))
 
 
 def runs(controller: Any) -> dict[str, dict[bool, PhaseRun]]:

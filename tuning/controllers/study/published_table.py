@@ -10,10 +10,13 @@ Source: Aguado-Rojas 2019, Table 4.1.
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import published_sets
 from tuning.controllers.settings import LOCATED
 from tuning.controllers.study.distances import NAMES, Entry, stops_of
+from tuning.core.components import initial
 
 COLUMNS = ("five_phase", "two_phase")
 
@@ -43,13 +46,16 @@ def entries() -> dict[Limits, list[Entry]]:
     """Stops of all sets under both pedals, located."""
     found: dict[Limits, list[Entry]] = {}
     for config in published_sets():
-        found.setdefault(limits_of(config), []).extend(stops_of(config, {"tuned": config.initial()}, LOCATED))
+        found.setdefault(limits_of(config), []).extend(
+            stops_of(config, {"tuned": initial(config.kind, config.start)}, LOCATED)
+        )
     return found
 
 
 def gap(entry: Entry) -> float:
     """How far the published quantity of a stop is above the published one, a share."""
-    return entry.stop.published_quantity / entry.row.published(entry.controller) - 1
+    quantity, published = entry.stop.published_quantity, entry.row.published(entry.controller)
+    return np.inf if quantity is None or published is None else quantity / published - 1
 
 
 def _pedal(entry: Entry) -> str:
@@ -120,7 +126,7 @@ def onset_rows(found: dict[Limits, list[Entry]]) -> list[dict[str, Any]]:
             "limits": limits.label,
             "pedal": pedal,
             "controller": NAMES[name],
-            "latest onset [s]": f"{max(e.stop.onset_s for e in mine):.2f}",
+            "latest onset [s]": f"{max(e.stop.onset_s or 0.0 for e in mine):.2f}",
             "from the pedal above ideal, mean [%]": _mean([e.excess for e in mine]),
         }
         for limits, stops in found.items()
@@ -131,4 +137,5 @@ def onset_rows(found: dict[Limits, list[Entry]]) -> list[dict[str, Any]]:
 
 
 def _mean(values: Sequence[float | None]) -> str:
-    return "-" if None in values else f"{100 * sum(values) / len(values):.2f}"
+    known = [value for value in values if value is not None]
+    return f"{100 * sum(known) / len(known):.2f}" if len(known) == len(values) else "-"

@@ -9,20 +9,16 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
-from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.driver import Driver
+from absjax.lanes import stacked, taken
 from absjax.loop.ideal import ideal_distance
-from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, Stop, stop
-from absjax.plant.brake import Brake
-from absjax.plant.quarter_car import QuarterCar
 from absjax.plant.road import UniformRoad
 from absjax.plant.wheel import GRAVITY, Wheel
 from absjax.sensors.noisy import NoisySensor
-from absjax.tyres.burckhardt import Burckhardt
 from absjax.tyres.surfaces import SURFACES
 from tuning.controllers import published
 from tuning.controllers.config import TuningConfig
+from tuning.controllers.setup import Setup
 
 HORIZON_FACTOR = 1.8
 """Longest time allowed, as a multiple of the ideal stop's, plus one second."""
@@ -36,7 +32,7 @@ class Scatter(NamedTuple):
     """How much is scattered: standard deviations of the logarithm, or (low, high) of a uniform distribution."""
 
     curve: float = 0.1
-    """of c1, c2 and c3, each by itself"""
+    """of the coefficients of the tyre curve, each by itself"""
     load: float = 0.1
     radius: float = 0.01
     brake_efficiency: float = 0.1
@@ -56,7 +52,7 @@ SCATTERED_PEDAL = Scatter(pedal_rate=(200.0, 1000.0))
 class Draws(NamedTuple):
     """Drawn conditions, arrays (stops,), the longest stops last."""
 
-    tyre: Burckhardt
+    tyre: Any
     wheel: Wheel
     lag: np.ndarray
     noise: np.ndarray
@@ -92,9 +88,9 @@ def draw(count: int, seed: int, scatter: Scatter = SCATTER, roads: tuple[str, ..
     def scattered(values, deviation):
         return np.asarray(values) * np.exp(deviation * rng.normal(size=count))
 
-    curve = [
-        scattered([float(getattr(SURFACES[roads[i]], c)) for i in which], scatter.curve) for c in ("c1", "c2", "c3")
-    ]
+    curve = jax.tree.map(
+        lambda c: scattered(c, scatter.curve), taken(stacked([SURFACES[road] for road in roads]), which)
+    )
     nominal = Wheel()
     wheel = Wheel(
         inertia=np.full(count, float(nominal.inertia)),
@@ -104,21 +100,20 @@ def draw(count: int, seed: int, scatter: Scatter = SCATTER, roads: tuple[str, ..
     )
     ranges = (scatter.lag, scatter.noise, scatter.speed_kmh, scatter.pedal_rate)
     lag, noise, speed, pedal = (rng.uniform(*pair, count) for pair in ranges)
-    draws = Draws(Burckhardt(*curve), wheel, lag, noise, np.arange(count), speed / 3.6, pedal)
+    draws = Draws(curve, wheel, lag, noise, np.arange(count), speed / 3.6, pedal)
     order = np.argsort(draws.speed / np.asarray(draws.tyre.peak().friction))
     return jax.tree.map(lambda leaf: np.asarray(leaf)[order], draws)
 
 
 def stops(config: TuningConfig, controller: Any, draws: Draws) -> tuple[Stop, np.ndarray]:
     """The stops of a controller, sampled, in the drawn conditions, and the ideal distances; else as configured."""
-    nominal = config.loop(controller)
-    car = QuarterCar(draws.wheel, UniformRoad(draws.tyre))
-    brake = Brake(config.rate_limit, draws.lag, config.delay)
-    driver = Driver(draws.pedal_rate, config.foot_delay, config.driver_pressure)
-    loop = ClosedLoop(car, brake, controller, nominal.stop_speed, nominal.observer, driver)
-    step, ticks = config.sampled_grid()
-    sensor = NoisySensor(draws.noise, float(nominal.plant.wheel.radius), draws.seed)
-    sampled = SampledLoop(loop, sensor, ticks, substeps=config.steps_per_sample)
+    nominal = Setup.of(config)
+    wheel, brake = draws.wheel, dataclasses.replace(nominal.brake, lag=draws.lag)
+    scattered = dataclasses.replace(nominal, wheel=wheel, brake=brake)
+    loop = scattered.loop(controller, UniformRoad(draws.tyre), draws.pedal_rate)
+    step, ticks = nominal.sampled_grid()
+    sensor = NoisySensor(draws.noise, float(nominal.wheel.radius), draws.seed)
+    sampled = nominal.sampled(loop, ticks, sensor)
     ideal = draws.speed / (GRAVITY * np.asarray(draws.tyre.peak().friction))
     horizon = HORIZON_FACTOR * float(ideal.max()) + 1.0
     stopped = stop(sampled, draws.speed, horizon=horizon, step=step, max_events=120, tile=64)

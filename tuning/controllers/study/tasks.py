@@ -3,6 +3,7 @@
 import dataclasses
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from absjax.controllers.two_phase import TwoPhase
 from absjax.controllers.two_phase_cycle import poincare_map, two_phase_cycle
@@ -18,6 +19,7 @@ from tuning.controllers.cycles import CycleRow, certify_cycles
 from tuning.controllers.published import ROADS, SPEEDS_KMH
 from tuning.controllers.recipes import tuned_sets
 from tuning.controllers.settings import CHAIN, LOCATED, SAMPLED, SETTINGS
+from tuning.controllers.setup import Setup
 from tuning.controllers.study import changing as changing_study
 from tuning.controllers.study import distances as distance_study
 from tuning.controllers.study import figures, robustness
@@ -28,7 +30,7 @@ from tuning.core.figures import save
 from tuning.core.files import write_csv, write_json
 from tuning.core.report import Report
 
-POINCARE = (
+POINCARE: tuple[dict[str, Any], ...] = (
     {"zref": 20.0, "gain": 200.0, "chi_a": -0.2, "chi_b": 3.0},
     {"zref": 20.0, "gain": 20.0, "chi_a": 0.0, "chi_b": 1.0},
 )
@@ -150,7 +152,7 @@ def cycles(out: Path) -> Report:
     """Certificates of the limit cycles of all controllers that cycle."""
     where = {"roads": ROADS, "speeds_kmh": SPEEDS_KMH, "cycle_speeds_kmh": CYCLE_SPEEDS_KMH}
     everywhere = {name: dataclasses.replace(config, **where) for name, config in tuned_sets().items()}
-    found = {name: certify_cycles(config, config.start) for name, config in everywhere.items()}
+    found = {name: certify_cycles(Setup.of(config), config.start) for name, config in everywhere.items()}
     found = {name: rows for name, rows in found.items() if rows}
     table = [
         {
@@ -185,7 +187,7 @@ def scattered(out: Path, stops: int) -> Iterator[Report]:
     ):
         draws, rows, excess = robustness.draw(stops, SEED, scatter), [], {}
         for label, (config, values) in _contestants().items():
-            stopped, ideal = robustness.stops(config, config.kind.build(config.car(), values), draws)
+            stopped, ideal = robustness.stops(config, Setup.of(config).controller(values), draws)
             found = robustness.summarise(stopped, ideal)
             excess[label] = robustness.excess(stopped, ideal)
             rows.append(

@@ -7,19 +7,19 @@ plot_stop("result.json", "wet_asphalt", 120).savefig("stop.png")
 from pathlib import Path
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from absjax.controllers.base import Controller
+from absjax.lanes import taken
 from absjax.loop.stop import stop
 from absjax.plots import stop_panels
-from tuning.controllers.batch import Row
-from tuning.controllers.roads import stacked
+from tuning.controllers.result import TuningResult
+from tuning.controllers.rows import Row
 from tuning.controllers.settings import LOCATED, Setting
-from tuning.controllers.tune import TuningResult
 from tuning.core.files import read_json
+from tuning.core.roads import road_entry, stacked
 
 
 def load_result(path: str | Path) -> TuningResult:
@@ -55,27 +55,32 @@ def plot_stop(
 
     Args:
         result: a result, or its file.
-        road: as in a configuration (`tuning.controllers.roads`), of the result's rows or not.
+        road: as in a configuration (`tuning.core.roads`), of the result's rows or not.
         speed_kmh: initial speed [km/h].
         setting: how the loop is run.
         untuned: whether the untuned set is drawn too.
     """
     result = result if isinstance(result, TuningResult) else load_result(result)
-    config = result.config
-    sets = {"untuned": config.base_controller()} if untuned else {}
-    sets["tuned"] = result.controller
-    row = Row(road, float(speed_kmh), config.pedal_rate)
+    setup = result.setup
+    sets = {"untuned": setup.controller()} if untuned else {}
+    sets["tuned"] = setup.controller(result.parameters)
+    row = Row(road_entry(road), float(speed_kmh), result.config.pedal_rate)
     figure, grid = plt.subplots(
         4, len(sets), figsize=(6.5 * len(sets), 9), sharex=True, sharey="row", squeeze=False, layout="constrained"
     )
     for axes, (name, controller) in zip(grid.T, sets.items()):
-        loop = config.loop(controller, jax.tree.map(lambda leaf: leaf[0], stacked([road])))
-        system, step = setting.applied(config, loop)
+        loop = setup.loop(controller, taken(stacked([row.road]), 0))
+        system, step = setting.applied(setup, loop)
         every = max(1, round(1e-3 / step))
         horizon = 2 * row.longest_ideal + 1.0
         stopped = stop(
-            system, jnp.asarray(row.speed), horizon=horizon, step=step, max_events=config.max_events, save_every=every
+            system,
+            jnp.asarray(row.speed),
+            horizon=horizon,
+            step=step,
+            max_events=result.config.max_events,
+            save_every=every,
         )
         label = f"{row.name.replace('_', ' ')}, {speed_kmh:g} km/h, {name}: {float(stopped.distance):.2f} m"
-        stop_panels(axes, loop, stopped.rollout.trajectory, label)
+        stop_panels(axes, loop, stopped.rollout.path, label)
     return figure

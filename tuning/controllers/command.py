@@ -1,0 +1,123 @@
+"""`tune-abs`, `abs-sets`, `abs-study`, `demo`: controllers tuned, made anew, and studied."""
+
+import time
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tuning.core.command import Force, Out, Resume, carry_out, configuration, journal_path, say
+from tuning.core.terminal import bar, clear_errors, console, print_report
+
+
+def tune_abs(
+    out: Out,
+    config: Annotated[
+        Path | None,
+        typer.Option(help="JSON, see `tuning.controllers.config.TuningConfig`; or a result to go on from."),
+    ] = None,
+    resume: Resume = False,
+    force: Force = False,
+) -> None:
+    """An anti-lock controller, for a batch of roads and speeds, with its limit cycles: result.json and figures."""
+
+    def work():
+        from tuning.controllers.config import TuningConfig
+
+        if config is None and not resume:
+            raise ValueError("--config: a configuration is needed, {} for the defaults; or --resume")
+        wanted = TuningConfig.from_json(configuration(config, out, resume=resume))
+        return (config,), lambda: tuned(wanted, out, "tuned thresholds", resume=resume)
+
+    carry_out(out, work, force=force, resume=resume)
+
+
+def tuned(config, out: Path, title: str, *, resume: bool = False) -> Any:
+    """Report of a controller tuned as a configuration says."""
+    from tuning.controllers.figures import tuning_figures
+    from tuning.controllers.report import cycles_line, parameter_line, tuning_rows
+    from tuning.controllers.tune import tune_abs
+    from tuning.core.files import write_json
+    from tuning.core.journal import Journal
+    from tuning.core.report import Report
+
+    journal = Journal(journal_path(out), {"command": "tune-abs", "config": config.to_json()}, resume=resume)
+    with bar(f"{title}: {config.iterations} iterations, {config.starts} starts") as progress:
+        result = tune_abs(config, progress=progress, journal=journal)
+    lines = [parameter_line(result), cycles_line(result)]
+    lines += ["* on its limit"] if result.on_limit else []
+    lines += [f"warning: {warning}" for warning in result.warnings]
+    files = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
+    tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}
+    return Report(tables, lines, files, result.interrupted)
+
+
+def abs_sets(
+    out: Out,
+    only: Annotated[str | None, typer.Option(help="Recipes to follow, comma-separated; all if missing.")] = None,
+    resume: Resume = False,
+    force: Force = False,
+) -> None:
+    """Tune the shipped controller sets anew, from untuned values: a result for each, and controllers.json."""
+
+    def work():
+        from tuning.controllers.recipes import recipes
+        from tuning.core.config import choice
+
+        wanted = list(recipes()) if only is None else only.split(",")
+        for name in wanted:
+            choice("--only", name, recipes())
+        return (), lambda: _sets(wanted, out, resume)
+
+    carry_out(out, work, force=force, resume=resume)
+
+
+def _sets(wanted: list[str], out: Path, resume: bool) -> Any:
+    from tuning.controllers.load import load_result
+    from tuning.controllers.recipes import recipes, write_sets
+    from tuning.core.report import Report
+
+    for name in wanted:
+        goes_on = resume and journal_path(out / name).exists()
+        print_report(tuned(recipes()[name], out / name, name.replace("_", " "), resume=goes_on))
+    found = [(name, load_result(out / name / "result.json")) for name in wanted]
+    return Report({}, [], [write_sets(found, out / "controllers.json")])
+
+
+def abs_study(
+    out: Out,
+    stops: Annotated[int, typer.Option(min=20, help="Scattered stops of each controller.")] = 2000,
+    force: Force = False,
+) -> None:
+    """All controllers: limit cycles, the published table of distances, further roads, robustness; with figures."""
+
+    def work():
+        from tuning.controllers.study.tasks import run_study
+
+        return (), lambda: run_study(out, stops)
+
+    carry_out(out, work, force=force)
+
+
+def demo(out: Out = Path("demo"), force: Force = False) -> None:
+    """Identify a road from the log shipped here, then tune five-phase thresholds, from untuned, under a given pedal."""
+    begun = time.monotonic()
+    with clear_errors():
+        from tuning.controllers.demo import limit_costs, limited
+        from tuning.controllers.load import load_result
+        from tuning.core.files import data_folder, require_folder
+        from tuning.core.report import Report
+        from tuning.road.command import identified
+
+        require_folder(out, force=force)
+        with data_folder() as data:
+            console.rule("1  the road from a brake log")
+            print_report(identified(data / "stop_dry_wet.csv", out / "identify", car=data / "stop_dry_wet.json"))
+        console.rule("2  thresholds under a given pedal: 400 bar/s; brake 750 bar/s, 5 ms; thresholds >= 10 m/s²")
+        print_report(tuned(limited(), out / "tuned", "five phases, from the default set"))
+        console.rule("3  what each limit costs")
+        with bar("tuned under one limit at a time") as progress:
+            rows = limit_costs(load_result(out / "tuned" / "result.json"), progress)
+        title = "from the pedal, above ideal, by the limits in force; tuned, switchings located"
+        print_report(Report({title: rows}, [], []))
+    say(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/")

@@ -1,0 +1,99 @@
+"""The tuning of a controller over a batch of roads, speeds and pedals as a problem.
+
+Every start is a row of lanes, one lane per road, speed and pedal; all starts descend together, their gradients
+taken in one reverse pass through the located switchings. Where the contraction of limit cycles is limited, they are
+looked for at every point of the descent, and what exceeds the limit is charged.
+"""
+
+import dataclasses
+from functools import partial
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from absjax.loop.closed_loop import ClosedLoop
+from tuning.controllers.batch import Batch, batch_of, scored
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.cycles import charges, exact_charges, rig_loops
+from tuning.controllers.setup import Setup
+from tuning.core.box import Box
+from tuning.core.objective import Objective
+from tuning.core.problem import Problem
+
+BREACH_CHARGE = 10.0
+"""Added to the cost of a set that exceeds the limit on contraction: any set that keeps it is better."""
+FINALISTS = 8
+"""Sets whose limit cycles are looked for in a generation, where contraction is limited."""
+
+
+@dataclasses.dataclass(frozen=True)
+class ControllerProblem(Problem):
+    """A controller's parameters on a batch of rows."""
+
+    setup: Setup
+    batch: Batch
+    objective: Objective
+    box: Box
+    given: np.ndarray
+    members: int
+    rigs: ClosedLoop | None
+    """loops on a rig, where contraction is limited"""
+
+    def costs_and_gradients(self, points, members):
+        """Costs and gradients, located, with a smooth maximum of the losses for the worst."""
+        limits = (self.setup.config.largest_contraction, self.setup.kind.grid_step)
+        return _costs_and_gradients(self.batch, self.rigs, points, members, self.box, self.objective, limits)
+
+    def screen(self, points):
+        """Costs, located."""
+        return np.asarray(self.objective.costs(scored(self.batch, self.box.arrays(points)).losses))
+
+    def judge(self, points):
+        """Costs at the worse of both semantics, located and sampled.
+
+        A descent can end where a switching is missed, or a hold never left, as soon as guards are only
+        tested now and then; such an end loses to one that is robust. Where contraction is limited the best few
+        are charged for it, and the others are out.
+        """
+        parameters, setup = self.box.arrays(points), self.setup
+        sampled = scored(self.batch, parameters, *setup.sampled_grid()).losses
+        costs = np.maximum(self.screen(points), np.asarray(self.objective.costs(sampled)))
+        if setup.config.largest_contraction is None:
+            return costs
+        best = np.argsort(costs)[:FINALISTS]
+        sets = np.stack([parameters[name][best] for name in self.box.names], axis=1)
+        excess = exact_charges(setup, self.box.names, sets)
+        charged = costs + 2 * BREACH_CHARGE
+        charged[best] = costs[best] + excess + BREACH_CHARGE * (excess > 0)
+        return charged
+
+
+@partial(jax.jit, static_argnames=("box", "objective", "limits"))
+def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objective: Objective, limits):
+    if members is not None:
+        batch = batch.of(members)
+
+    def total(points):
+        parameters = box.values(points)
+        costs = objective.costs(batch.losses(batch.stops(parameters)), smooth=True)
+        if rigs is not None:
+            largest, step = limits
+            costs = costs + charges(rigs, parameters, step, largest)
+        return costs.sum(), costs
+
+    (_, costs), gradients = jax.value_and_grad(total, has_aux=True)(jnp.asarray(points))
+    return costs, gradients
+
+
+def problem_of(config: TuningConfig) -> ControllerProblem:
+    """The problem a configuration describes.
+
+    Raises:
+        ConfigError: naming the entry that cannot be used.
+    """
+    setup = Setup.of(config)
+    box, batch = setup.box(), batch_of(setup)
+    given = np.stack([box.point({**setup.initial, **known}) for known in ({}, *config.known)])
+    rigs = None if config.largest_contraction is None else rig_loops(setup)
+    return ControllerProblem(setup, batch, Objective(config.objective, config.tail), box, given, batch.rows, rigs)

@@ -1,0 +1,90 @@
+"""A tuned controller and what it is worth, as it is written and read back."""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from absjax.controllers.base import Controller
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.cycles import CycleRow
+from tuning.controllers.legacy import updated_result
+from tuning.controllers.setup import Setup
+from tuning.controllers.stop_figures import StopFigures
+from tuning.core.version import VERSION
+
+
+@dataclasses.dataclass(frozen=True)
+class ResultRow:
+    """One road, speed and pedal: ideal and published distances [m], and the stops of the start and of the tuned set.
+
+    `ideal` is from the pedal, None in results of earlier versions; `published_ideal` is v0^2 / (2 g mu_max), None on a
+    road that changes; `published` is None where nothing is.
+    """
+
+    road: str
+    speed_kmh: float
+    pedal_bar_s: float | None
+    ideal: float | None
+    published_ideal: float | None
+    published: float | None
+    untuned: StopFigures
+    tuned: StopFigures
+    sampled: StopFigures
+
+    @property
+    def reached(self) -> bool | None:
+        """Whether the published quantity of the tuned set, located and sampled, is at or below the published one."""
+        if self.published is None:
+            return None
+        found = (self.tuned.published_quantity, self.sampled.published_quantity)
+        return all(d is not None and d <= self.published for d in found)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "ResultRow":
+        """Read back what `dataclasses.asdict` gave."""
+        stops = {name: StopFigures(**data[name]) for name in ("untuned", "tuned", "sampled")}
+        return cls(**{**data, **stops})
+
+
+@dataclasses.dataclass(frozen=True)
+class TuningResult:
+    """A tuned controller and what it is worth. `to_json` and `from_json` are each other's inverse."""
+
+    parameters: dict[str, float]
+    rows: list[ResultRow]
+    cycles: list[CycleRow]
+    """limit cycles on every uniform road; empty for a controller without"""
+    cost: float
+    """of the winner, at the worse of both semantics"""
+    history: list[list[float]]
+    """cost of each start, by iteration"""
+    on_limit: list[str]
+    """tuned parameters that ended on one of their limits"""
+    config: TuningConfig
+    version: str = VERSION
+    warnings: list[str] = dataclasses.field(default_factory=list)
+    """what a user of the set should know: phases that last less than a tick, and the like"""
+    interrupted: bool = False
+    """whether the search was ended from the keyboard"""
+
+    @property
+    def setup(self) -> Setup:
+        """The loop it was tuned in."""
+        return Setup.of(self.config)
+
+    @property
+    def controller(self) -> Controller:
+        """The tuned controller."""
+        return self.setup.controller(self.parameters)
+
+    def to_json(self) -> dict[str, Any]:
+        """A plain dictionary."""
+        return dataclasses.asdict(self)
+
+    @classmethod
+    def from_json(cls, data: Mapping[str, Any]) -> "TuningResult":
+        """Read back what `to_json` gave, or a result of an earlier version."""
+        known = updated_result(data)
+        rows = [ResultRow.from_json(row) for row in known["rows"]]
+        cycles = [CycleRow(**row) for row in known["cycles"]]
+        return cls(**{**known, "rows": rows, "cycles": cycles, "config": TuningConfig.from_json(known["config"])})

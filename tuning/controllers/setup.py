@@ -1,0 +1,130 @@
+"""The loop a configuration describes: plant, brake, driver, observer, controller, and the steps they need."""
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from absjax.controllers.base import Controller
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.driver import Driver
+from absjax.loop.sampled_loop import SampledLoop
+from absjax.observers.base import Observer
+from absjax.plant.base import Plant, Road
+from absjax.plant.brake import Brake
+from absjax.plant.road import as_road
+from absjax.plant.test_rig import TestRig
+from absjax.plant.wheel import Wheel
+from absjax.sensors.base import Sensor
+from absjax.tyres.surfaces import SURFACES
+from tuning.controllers.config import TuningConfig
+from tuning.core import components
+from tuning.core.box import Box, box_of
+from tuning.core.config import ConfigError
+from tuning.core.roads import tyres_by_name
+
+
+@dataclasses.dataclass(frozen=True)
+class Setup:
+    """What a configuration describes, built once; `Setup.of` a configuration."""
+
+    config: TuningConfig
+    kind: type[Controller]
+    wheel: Wheel
+    brake: Brake
+    driver: Driver
+    observer: Observer | None
+    sensor: Sensor | None
+    initial: dict[str, float]
+    """parameters of the controller to start from"""
+    step: float
+    """grid step, s"""
+    substeps: int
+    """Runge-Kutta steps of the observer per sample"""
+
+    @classmethod
+    def of(cls, config: TuningConfig) -> "Setup":
+        """The setup of a configuration.
+
+        Raises:
+            ConfigError: if a part is not admissible; names the entry.
+        """
+        wheel, design = components.built("wheel", Wheel, config.wheel), config.design
+        try:
+            brake = Brake(config.rate_limit, config.lag, config.delay)
+            driver = Driver(config.pedal_rate, config.foot_delay, config.driver_pressure)
+        except ValueError as error:
+            raise ConfigError(str(error)) from None
+        step, substeps, observer = config.step or config.kind.grid_step, 1, None
+        if design is not None:
+            step = config.step or 1e-3 / design.substeps
+            substeps = config.substeps or math.ceil(2 * design.substeps * config.sampled_period / 1e-3)
+            observer = components.built("observer_parameters", design, config.observer_parameters).observer(wheel)
+        sensor = config.sensor_kind
+        if sensor is not None:
+            sensor = components.built("sensor_parameters", sensor, config.sensor_parameters)
+        initial = components.initial(config.kind, config.start)
+        setup = cls(config, config.kind, wheel, brake, driver, observer, sensor, initial, step, substeps)
+        setup.loop(setup.controller())
+        return setup
+
+    def controller(self, values: Mapping[str, Any] | None = None) -> Controller:
+        """The controller of given parameters; of the initial ones without."""
+        return components.built("start", self.kind, {**self.initial, **(values or {})}, self.wheel)
+
+    def plant(self, road: Road) -> Plant:
+        """What is braked, on a road."""
+        fields: dict[str, Any] = {"wheel": self.wheel, "road": road}
+        try:
+            return self.config.plant_kind(**fields, **self.config.plant_parameters)
+        except (TypeError, ValueError) as error:
+            raise ConfigError(f"plant: {error}") from None
+
+    def loop(self, controller: Controller, road: Any = SURFACES["dry_asphalt"], pedal_rate: Any = None) -> ClosedLoop:
+        """The closed loop on a road or tyre curve; the pedal's pressure rate [bar/s] may carry lanes."""
+        driver = self.driver if pedal_rate is None else dataclasses.replace(self.driver, rate=pedal_rate)
+        stop_speed = self.config.stop_speed_kmh / 3.6
+        return ClosedLoop(self.plant(as_road(road)), self.brake, controller, stop_speed, self.observer, driver)
+
+    def rig_loop(self, controller: Controller, road: Road, speed: Any) -> ClosedLoop:
+        """The same on a rig at constant speed [m/s], where limit cycles are looked for."""
+        return dataclasses.replace(self.loop(controller, road), plant=TestRig(self.wheel, road, speed), stop_speed=None)
+
+    def sampled_grid(self, period: float | None = None) -> tuple[float, int]:
+        """Grid step [s] and steps per test of the guards when sampled; the observer has steps of its own then.
+
+        The step is the period itself, or the largest part of it that does for the controller.
+        """
+        period = self.config.sampled_period if period is None else period
+        longest = self.step if self.observer is None else self.kind.grid_step
+        ticks = max(1, math.ceil(period / longest - 1e-9))
+        return period / ticks, ticks
+
+    def sampled(self, loop: ClosedLoop, ticks: int, sensor: Sensor | None = None) -> SampledLoop:
+        """A loop under the clock of a control unit, with the configured sensor unless one is given."""
+        return SampledLoop(loop, sensor or self.sensor, tick_every=ticks, substeps=self.substeps)
+
+    def box(self) -> Box:
+        """The tuned parameters, their limits and their order.
+
+        Raises:
+            ConfigError: if limits are not admissible, or the controller cannot work on a road, at the start or at the
+                lowest limits.
+        """
+        config, roads = self.config, tyres_by_name(self.config.roads)
+        spans = self.kind.spans_on(roads)
+        box = box_of(
+            self.kind,
+            self.initial,
+            tune=config.tune,
+            limits=config.limits,
+            spans=spans,
+            floor=config.threshold_floor,
+        )
+        lowest = {name: value for name, value in zip(box.names, box.low) if name in spans}
+        for entry, values in (("start", {}), ("limits", lowest)):
+            try:
+                self.controller(values).require_roads(roads)
+            except ValueError as error:
+                raise ConfigError(f"{entry}: {error}") from None
+        return box

@@ -1,0 +1,58 @@
+"""What the commands of the command line share: options, checks before work begins, and reports after it."""
+
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tuning.core.terminal import clear_errors, print_report, print_study, say
+
+__all__ = ["Force", "Out", "Resume", "carry_out", "configuration", "journal_path", "say"]
+
+Out = Annotated[Path, typer.Option("--out", help="Folder for results and figures; made if missing.")]
+Force = Annotated[bool, typer.Option("--force", help="Write into a folder that holds another run.")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder, to the identical result.")]
+Work = Callable[[], tuple[Sequence[Path | None], Callable[[], Any]]]
+"""Says which files it reads, and gives what makes a report, or reports as they come."""
+
+
+def carry_out(out: Path, work: Work, *, force: bool = False, resume: bool = False) -> None:
+    """Do the work of a command: checked before it begins, what it finds printed, errors said in a line."""
+    with clear_errors():
+        from tuning.core.files import require_folder
+
+        inputs, run = work()
+        require_folder(out, inputs, force=force, resume=resume)
+        found = run()
+        if isinstance(found, Iterator):
+            print_study(found, out)
+        else:
+            print_report(found)
+
+
+def journal_path(out: Path) -> Path:
+    """Where a run keeps its journal."""
+    return out / "journal"
+
+
+def configuration(path: Path | None, out: Path | None = None, *, resume: bool = False) -> Any:
+    """What a configuration file holds, nothing without one; a result goes on from its parameters.
+
+    Resumed without a file, it is that of the run in `out`.
+
+    Raises:
+        ValueError: if the file is not JSON, or there is no run to resume.
+    """
+    from tuning.core.files import read_json
+
+    if resume and path is None and out is not None:
+        from tuning.core.journal import identity_of
+
+        return identity_of(journal_path(out))["config"]
+    data = {} if path is None else read_json(path)
+    if isinstance(data, dict) and "parameters" in data and "config" in data:
+        if not isinstance(data["config"], dict):
+            raise ValueError(f"{path}: config is a dictionary, not {type(data['config']).__name__}")
+        data = {**data["config"], "start": data["parameters"]}
+    return data

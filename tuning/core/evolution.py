@@ -1,0 +1,57 @@
+"""The last round of a search: evolution (CMA-ES) from the best, on what counts."""
+
+from collections.abc import Callable
+
+import numpy as np
+from cmaes import CMA
+
+from tuning.core.box import Box
+
+Costs = Callable[[np.ndarray], np.ndarray]
+"""Costs (sets,) of points (sets, parameters)."""
+SLACK = 1e-9
+"""By which evolution may leave the limits before it is brought back: it needs an interior."""
+WORST = 1e9
+"""Cost in evolution of what has none."""
+
+
+class Evolution:
+    """The best point so far, and what evolution from it finds."""
+
+    def __init__(self, box: Box, points: np.ndarray, costs: np.ndarray):
+        """The best of points (sets, parameters) of known costs (sets,)."""
+        self.box = box
+        self.point, self.cost = points[np.argmin(costs)], float(np.min(costs))
+
+    def run(
+        self, costs: Costs, *, rounds: int, count: int, widest: float, seed: int, evolutions: int = 1
+    ) -> "Evolution":
+        """Evolve.
+
+        Args:
+            rounds, count: generations, and points in each.
+            widest: standard deviation of the first generation.
+            evolutions: how often it is tried, from the same point with other draws; the best counts.
+        """
+        low, high = self.box.limits
+        first, bounds = self.point, np.stack([low - SLACK, high + SLACK], axis=1)
+        for evolution in range(evolutions):
+            strategy = CMA(first, widest, bounds, seed=seed + evolution, population_size=count)
+            for _ in range(rounds):
+                asked = [strategy.ask() for _ in range(count)]
+                points = self.box.valid(np.stack(asked))
+                judged = costs(points)
+                strategy.tell([(point, min(float(value), WORST)) for point, value in zip(asked, judged)])
+                if judged.min() < self.cost:
+                    self.point, self.cost = points[np.argmin(judged)], float(judged.min())
+        return self
+
+
+def refine(costs: Costs, box: Box, candidates: np.ndarray, **evolution) -> tuple[np.ndarray, float]:
+    """The best of candidates (sets, parameters), and what evolution from it finds (see `Evolution.run`).
+
+    Returns:
+        The best point and its cost.
+    """
+    found = Evolution(box, candidates, costs(candidates)).run(costs, **evolution)
+    return found.point, found.cost

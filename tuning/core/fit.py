@@ -1,0 +1,156 @@
+"""One fit for all tuning problems: many starts screened, descended together, and evolution from the best.
+
+Every evaluation is written to a journal as it is made (`tuning.core.journal`), so that a run that ends early loses
+nothing. Interrupted from the keyboard, it returns the best there is.
+"""
+
+import dataclasses
+
+import numpy as np
+
+from tuning.core.config import Count, Entries, NonNegative, Positive, Whole, config, require
+from tuning.core.descent import Descent, Method, Progress
+from tuning.core.evolution import Evolution
+from tuning.core.journal import Journal
+from tuning.core.problem import Problem
+
+
+@config
+class SearchConfig(Entries):
+    """How to search. JSON keys are the names of the fields.
+
+    Attributes:
+        starts: descents run together; screened: random starts they are chosen from.
+        scatter: standard deviation of the random starts, on the scales of `tuning.core.box`.
+        iterations, learning_rate, seed: of the descent.
+        method: 'adam' (cosine decay), or 'lbfgs' (backtracking).
+        batch: members of the ensemble drawn for each iteration, the same for all starts; None takes all.
+        patience: iterations without a better cost after which the descent ends; None: it goes on to the last.
+        refinements: generations of evolution from the winner of the descents, on what counts in the end.
+        evolutions: how often that is tried, with other draws.
+    """
+
+    starts: Count = 8
+    screened: Count = 256
+    scatter: NonNegative = 0.5
+    iterations: Count = 60
+    learning_rate: Positive = 0.01
+    seed: Whole = 0
+    method: Method = "adam"
+    batch: Count | None = None
+    patience: Count | None = None
+    refinements: Whole = 40
+    evolutions: Count = 1
+
+    def __post_init__(self):
+        require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """What a fit found."""
+
+    point: np.ndarray
+    """(parameters,)"""
+    values: dict[str, float]
+    """of the tuned parameters"""
+    cost: float
+    """as it is judged in the end"""
+    history: list[list[float]]
+    """cost of each start, by iteration"""
+    on_limit: list[str]
+    """tuned parameters that lie on one of their limits"""
+    interrupted: bool
+    """whether it was ended from the keyboard"""
+
+
+def fit(
+    problem: Problem,
+    search: SearchConfig,
+    *,
+    progress: Progress = lambda i, n, cost: None,
+    journal: Journal | None = None,
+) -> Fitted:
+    """Search for the best point of a problem.
+
+    Args:
+        progress: called with iteration, iterations and the best cost so far.
+        journal: where evaluations are kept.
+
+    Raises:
+        ValueError: if a journal is of another run, or there are fewer starts or members than asked for.
+    """
+    require("starts", search.starts, search.starts >= len(problem.given), f"at least the {len(problem.given)} given")
+    if search.batch is not None:
+        require("batch", search.batch, search.batch <= problem.members, f"at most the {problem.members} members")
+    return _Fit(problem, search, journal or Journal()).run(progress)
+
+
+class _Fit:
+    def __init__(self, problem: Problem, search: SearchConfig, journal: Journal):
+        self.problem, self.search, self.journal = problem, search, journal
+        self.descent, self.evolution = Descent(problem.given), None
+
+    def run(self, progress: Progress) -> Fitted:
+        interrupted = False
+        try:
+            self._search(progress)
+        except KeyboardInterrupt:
+            interrupted = True
+        if self.evolution is not None:
+            point, cost = self.evolution.point, self.evolution.cost
+        else:
+            best = int(np.argmin(self.descent.best))
+            point, cost = self.descent.best_points[best], float(self.descent.best[best])
+        box = self.problem.box
+        values = {name: float(value) for name, value in box.values(point).items()}
+        return Fitted(point, values, cost, self.descent.history, box.on_limit(point), interrupted)
+
+    def _search(self, progress: Progress) -> None:
+        search, problem = self.search, self.problem
+        starts = self._starts()
+        self.descent = Descent(starts)
+        self.descent.run(
+            self._costs_and_gradients,
+            problem.box,
+            iterations=search.iterations,
+            learning_rate=search.learning_rate,
+            method=search.method,
+            patience=search.patience,
+            progress=progress,
+        )
+        last = () if search.batch is None else (self.descent.points,)
+        candidates = np.concatenate([self.descent.best_points, starts, *last])
+        self.evolution = Evolution(problem.box, candidates, self._judge(candidates))
+        self.evolution.run(
+            self._judge,
+            rounds=search.refinements,
+            count=problem.population,
+            widest=problem.widest,
+            seed=search.seed + 1,
+            evolutions=search.evolutions,
+        )
+
+    def _judge(self, points: np.ndarray) -> np.ndarray:
+        return self.journal.evaluate(self.problem.judge, points)[0]
+
+    def _costs_and_gradients(self, iteration: int, points: np.ndarray):
+        batch = self.search.batch
+        if batch is None:
+            costs, gradients = self.journal.evaluate(lambda x: self.problem.costs_and_gradients(x, None), points)
+            return costs, gradients
+        rng = np.random.default_rng((self.search.seed, iteration))
+        members = np.sort(rng.choice(self.problem.members, batch, replace=False))
+        costs, gradients = self.journal.evaluate(self.problem.costs_and_gradients, points, members)
+        return costs, gradients
+
+    def _starts(self) -> np.ndarray:
+        """The given starts, and the best of the screened random ones around the first."""
+        search, given = self.search, self.problem.box.valid(self.problem.given)
+        keep = search.starts - len(given)
+        if keep < 1:
+            return given
+        draws = np.random.default_rng(search.seed).normal(size=(search.screened, given.shape[1]))
+        points = self.problem.box.valid(given[0] + draws * search.scatter)
+        costs = self.journal.evaluate(self.problem.screen, points)[0]
+        return np.concatenate([given, points[np.argsort(costs)[:keep]]])

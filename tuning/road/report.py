@@ -1,0 +1,20 @@
+"""Tables of an identified road."""
+
+from typing import Any
+
+from tuning.road.identify import PEAK, Identification
+
+
+def identification_rows(result: Identification) -> list[dict[str, Any]]:
+    """One row per surface: coefficients, peak, 95 % half-widths; ? marks what the log does not tell."""
+    rows = []
+    for segment in result.segments:
+        values = {**segment.parameters, **{name: getattr(segment, name) for name in PEAK}}
+        cells = {
+            name: f"{value:.4g} ± {value - segment.ci95[name][0]:.2g}" + ("" if segment.identifiable[name] else " ?")
+            for name, value in values.items()
+        }
+        rows.append(
+            {"from [s]": f"{segment.start:.3f}", "to [s]": f"{segment.end:.3f}", **cells, "method": segment.method}
+        )
+    return rows
