@@ -90,8 +90,8 @@ def _segment(system_axes, plan: Plan):
             return tuple(following), path
 
         def filled(t: Any):
-            is_zero = isinstance(t, SymbolicZero)
-            return jnp.zeros(t.shape, t.dtype) if is_zero else t
+            dtype: Any = t.dtype
+            return jnp.zeros(t.shape, dtype) if isinstance(t, SymbolicZero) else t
 
         dense = partial(jax.tree.map, filled)
         is_zero = {"is_leaf": lambda t: isinstance(t, SymbolicZero)}

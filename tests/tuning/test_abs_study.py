@@ -6,14 +6,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from absjax.controllers import CONTROLLERS
 from absjax.loop.stop import Outcome
 from absjax.parameters import trainable_names
-from tuning.controllers.batch import Figures, Row, build
+from tuning.controllers.batch import batch_of
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import CONTRACTION_CHARGE, CycleRow, certify_cycles, exact_charges
-from tuning.controllers.kinds import CONTROLLERS
 from tuning.controllers.recipes import published_sets, recipes, tuned_sets
+from tuning.controllers.rows import Row
 from tuning.controllers.settings import CHAIN, COARSE, LOCATED, SAMPLED
+from tuning.controllers.setup import Setup
+from tuning.controllers.stop_figures import StopFigures
 from tuning.controllers.study import changing as changing_study
 from tuning.controllers.study import phase_plane as phase_study
 from tuning.controllers.study import published_table as published_study
@@ -36,10 +39,11 @@ def test_every_controller_has_a_tuned_set_that_is_valid():
         assert config.controller == name and dataclasses.replace(config, start=recipe.start) == recipe
         assert (config.rate_limit, config.lag, config.threshold_floor) == (750.0, 0.005, 10.0)
         assert (config.pedal_rate, config.foot_delay, config.driver_pressure) == (400.0, 0.0, 150.0)
-        controller = config.base_controller()
+        setup = Setup.of(config)
+        controller = setup.controller()
         assert all(float(getattr(controller, field)) >= 10.0 for field in controller.thresholds)
         assert config.start != recipe.start and "ramp" not in config.start
-        config.box()
+        setup.box()
     assert tuned_sets()["two_phase"].observer == "adaptive"
 
 
@@ -81,20 +85,20 @@ def test_the_table_of_distances_has_its_columns(five_phase, tmp_path):
 
 def test_a_stop_that_does_not_end_is_counted_apart():
     row = Row("snow", 60.0, 400.0)
-    ended = Figures(75.0, 74.0, 3, 0.2, "STOPPED", 0.1, 59.0, 0.0, 0.0, 0.0)
+    ended = StopFigures(75.0, 74.0, 3, 0.2, "STOPPED", 0.1, 59.0, 0.0, 0.0, 0.0)
     moving = dataclasses.replace(ended, distance=None, outcome="STILL_MOVING")
-    entries = [Entry("slip", "tuned", LOCATED, row, 70.0, stop, False) for stop in (ended, moving)]
+    entries = [Entry("slip", "tuned", LOCATED, row, 70.0, stop, "") for stop in (ended, moving)]
     assert [cell(e) for e in entries] == ["75.00", "still moving"]
     (line,) = summary(entries)
     assert (line["stops"], line["do not end"], line["mean above ideal [%]"]) == (2, 1, "7.14")
-    assert cell(entries[0]._replace(by_slip=True)) == "75.00 S"
+    assert cell(entries[0]._replace(mark="S")) == "75.00 S"
 
 
 def test_told_by_the_chain_a_stop_is_another():
     config = dataclasses.replace(
         tuned_sets()["five_phase"], roads=("dry_asphalt",), speeds_kmh=(60.0,), stop_speed_kmh=30.0
     )
-    sets = {"tuned": config.initial()}
+    sets = {"tuned": Setup.of(config).initial}
     truth, chain = (stops_of(config, sets, setting)[0] for setting in (COARSE, CHAIN))
     assert truth.ideal == chain.ideal and truth.stop.onset_s > 0
     assert chain.stop.onset_s > truth.stop.onset_s - 5e-3 and chain.stop.distance != truth.stop.distance
@@ -103,10 +107,11 @@ def test_told_by_the_chain_a_stop_is_another():
 def test_a_patch_of_snow_is_left_behind():
     """Locked on it or not, the wheel comes free: the stop is nothing like one on endless snow."""
     config = changing_study.configured(tuned_sets()["five_phase"], changing_study.PATCH, (120.0,))
-    _, stopped = changing_study.recorded(config, config.initial())
-    (ideal,) = build(config).ideal
+    setup = Setup.of(config)
+    _, stopped = changing_study.recorded(config, setup.initial)
+    (ideal,) = batch_of(setup).ideal
     assert 75.0 < ideal < 76.5 and ideal < float(stopped.distance[0]) < 1.1 * ideal
-    (again,) = changing_study.brakes_again(config, config.initial())
+    (again,) = changing_study.brakes_again(config, setup.initial)
     assert 0.0 < again < 1.0
 
 
@@ -117,7 +122,7 @@ def test_the_published_entries_without_limits_are_reached():
     for config in free:
         assert config.threshold_floor == 10.0 and (config.pedal_rate, config.pedal_strength) == (400.0, 6000.0)
         config = dataclasses.replace(config, roads=("dry_cobblestones",), speeds_kmh=(60.0,))
-        entries = stops_of(config, {"tuned": config.initial()}, LOCATED)
+        entries = stops_of(config, {"tuned": Setup.of(config).initial}, LOCATED)
         assert len(entries) == 2 and all(published_study.gap(e) <= 0 for e in entries)
 
 
@@ -125,14 +130,14 @@ def test_limit_cycles_of_the_shipped_five_phase_set():
     config = dataclasses.replace(
         tuned_sets()["five_phase"], roads=("dry_asphalt", "wet_asphalt"), cycle_speeds_kmh=(60.0, 180.0)
     )
-    rows = certify_cycles(config, config.start)
+    rows = certify_cycles(Setup.of(config), config.start)
     assert [(row.road, row.speed_kmh) for row in rows[:2]] == [("dry_asphalt", 60.0), ("dry_asphalt", 180.0)]
     assert rows[1].certified and rows[3].certified and not any(row.certified and row.contraction >= 1 for row in rows)
     limited = dataclasses.replace(
         config, largest_contraction=0.5 * rows[1].contraction, roads=("dry_asphalt",), cycle_speeds_kmh=(180.0,)
     )
     names, sets = ("eps1", "eps5"), np.array([[config.start["eps1"], config.start["eps5"]], [90.0, 60.0]])
-    charged = exact_charges(limited, names, sets[:1])
+    charged = exact_charges(Setup.of(limited), names, sets[:1])
     expected = CONTRACTION_CHARGE * (rows[1].contraction - limited.largest_contraction)
     assert charged[0] == pytest.approx(expected, rel=1e-6) and expected > 0
 
@@ -152,13 +157,14 @@ def test_scattered_stops_are_reproducible_and_summarised():
     assert draws.wheel.load.std() / draws.wheel.load.mean() == pytest.approx(0.1, rel=0.5)
     assert 200 <= draws.pedal_rate.min() < 400 < draws.pedal_rate.max() <= 1000
     config = tuned_sets()["five_phase"]
-    stopped, ideal = robustness.stops(config, config.base_controller(), draws)
+    controller = Setup.of(config).controller()
+    stopped, ideal = robustness.stops(config, controller, draws)
     found, excess = robustness.summarise(stopped, ideal), robustness.excess(stopped, ideal)
     assert found.unfinished == np.mean(~np.isfinite(excess)) and 1.0 < found.mean < 1.2
     ended = excess[np.isfinite(excess)]
     assert found.mean == pytest.approx(ended.mean()) and found.worst == pytest.approx(ended.max())
     assert found.spread == pytest.approx(ended.std()) and np.all(ended > 1.0)
-    other, _ = robustness.stops(config, config.base_controller(), draws._replace(seed=draws.seed + 1))
+    other, _ = robustness.stops(config, controller, draws._replace(seed=draws.seed + 1))
     assert np.any(np.asarray(other.distance) != np.asarray(stopped.distance))
     assert np.all(np.asarray(other.outcome)[np.isfinite(excess)] == Outcome.STOPPED)
 
@@ -178,7 +184,7 @@ def test_continuous_control_fails_on_the_estimate_and_two_phases_do_not():
 
 def test_the_tuned_parameters_are_the_trainable_ones_and_the_ways_out():
     for name, recipe in recipes().items():
-        tuned = set(recipe.box().names)
-        extra = tuned - set(trainable_names(recipe.kind.model))
+        tuned = set(Setup.of(recipe).box().names)
+        extra = tuned - set(trainable_names(recipe.kind))
         assert extra <= {"fallback", "longest_release", "slip_limit", "pressure_rate", "beyond"}, name
-    assert TuningConfig().box().names == trainable_names(CONTROLLERS["five_phase"].model)
+    assert Setup.of(TuningConfig()).box().names == trainable_names(CONTROLLERS["five_phase"])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import tuning
-from tuning.cli import configuration
+from tuning.core.command import configuration
 from tuning.observers.config import ObserverConfig
 
 DATA = Path(tuning.__file__).parent / "data"

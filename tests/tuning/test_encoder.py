@@ -11,6 +11,7 @@ from absjax.encoder.encoder import Encoder
 from absjax.loop.ideal import ideal_distance
 from tuning.core.config import ConfigError
 from tuning.core.files import read_json
+from tuning.core.journal import Journal
 from tuning.encoder.analysis import order_spectrum, study_log, tooth_errors
 from tuning.encoder.bench import PERIOD, bench_of, joined, mean_errors
 from tuning.encoder.bench import reference as reference_of
@@ -19,7 +20,7 @@ from tuning.encoder.config import EncoderConfig
 from tuning.encoder.loop import HORIZON, SPEED, braking_loop, course, loop_row
 from tuning.encoder.study import tuned_chain
 from tuning.encoder.tasks import chain_for, tune
-from tuning.encoder.tune import EncoderResult, _costs, _costs_and_gradients, _shape, chain_of, training_benches
+from tuning.encoder.tune import EncoderProblem, EncoderResult, Form, training_benches
 from tuning.logs.edges import EdgeLog, read_edges
 from tuning.logs.tables import LogError
 
@@ -80,7 +81,7 @@ def test_published_ratios(name, least):
 
 
 def test_tuning_its_costs_and_gradients_and_what_it_writes(tmp_path):
-    report = tune(SMALL, tmp_path)
+    report = tune(SMALL, tmp_path, lambda i, n, cost: None, Journal())
     data = read_json(tmp_path / "result.json")
     result = EncoderResult.from_json(data)
     assert json.loads(json.dumps(result.to_json())) == data
@@ -92,15 +93,15 @@ def test_tuning_its_costs_and_gradients_and_what_it_writes(tmp_path):
     assert pairs == [(8, 2), (8, 3), (12, 2), (12, 3)]
     assert (result.events, result.harmonics) == pairs[int(np.argmin([row["cost"] for row in result.grid]))]
 
-    benches, initial, box = training_benches(SMALL), SMALL.initial(), SMALL.box()
-    chain = chain_of(SMALL, initial, 8, 3)
+    benches, initial = training_benches(SMALL), SMALL.initial()
+    chain = Form.of(SMALL, 8, 3).chain(initial)
     direct = np.mean([np.log(np.asarray(e)).mean() for bench in benches for e in bench.errors(chain)])
     assert result.grid[1]["cost"] == pytest.approx(direct, rel=1e-9)
-    point = box.point(initial) + 0.1 * np.arange(8)
-    fixed = (box, initial, result.events, result.harmonics)
+    problem = EncoderProblem.of(SMALL)
+    point = problem.given[0] + 0.1 * np.arange(8)
     steps = 1e-4 * np.concatenate([np.eye(8), -np.eye(8)])
-    values = np.asarray(_costs(_shape(SMALL), benches, point + steps, *fixed))
-    cost, gradient = _costs_and_gradients(_shape(SMALL), benches, np.stack([point, point]), *fixed)
+    values = problem.judge(point + steps)
+    cost, gradient = problem.costs_and_gradients(np.stack([point, point]), None)
     assert float(cost[0]) == pytest.approx(values.mean(), rel=1e-6)
     np.testing.assert_allclose(gradient[0], (values[:8] - values[8:]) / 2e-4, rtol=1e-5, atol=1e-8)
 
@@ -177,12 +178,12 @@ def test_large_ticks_are_read_exactly(tmp_path):
     ("entries", "message"),
     [
         ({"start": {"beta": 1.0}}, "'beta' is unknown; there are speed_forgetting"),
-        ({"references": ["sinusoid"]}, "references: 'sinusoid' is unknown"),
-        ({"events": [2]}, "events = .* whole numbers of at least 3"),
-        ({"duration": 9.0}, r"duration = 9.0 must be in \(0, 5\] s"),
-        ({"through_edges": 2}, "through_edges = 2 must be 0 or 1"),
+        ({"references": ["sinusoid"]}, r"references\[0\] = 'sinusoid': must be 'constant', 'varying' or 'braking'"),
+        ({"events": [2]}, r"events\[0\] = 2: must be greater than or equal to 3"),
+        ({"duration": 9.0}, r"duration = 9.0 must be at most 5 s"),
+        ({"through_edges": 2}, "through_edges = 2: must be less than or equal to 1"),
         ({"harmonics": [30]}, "harmonics = .* below half the teeth"),
-        ({"settle": 9.0}, "settle = 9.0 must be in"),
+        ({"settle": 9.0}, "settle = 9.0 must be below"),
         ({"tolerance": -1.0}, "tolerance"),
         ({"limits": {"speed_gain": [3.0, 2.0]}}, "limits.speed_gain"),
         ({"start": {"speed_cutoff": 100.0}}, "start.speed_cutoff = 100.0 must be in"),

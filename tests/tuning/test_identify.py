@@ -35,7 +35,7 @@ def check(result, truth):
         assert all(segment.identifiable.values()) and not segment.statements
         for name, true in zip(("c1", "c2", "c3"), c):
             low, high = segment.ci95[name]
-            assert abs(getattr(segment, name) - true) < 1.5 * (high - low) / 2
+            assert abs(segment.parameters[name] - true) < 1.5 * (high - low) / 2
             assert (high - low) / 2 < 0.05 * true
         assert 0.9 < segment.residual_rms < 1.1
 

@@ -7,14 +7,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from tuning.observers.kinds import KINDS
 
+from absjax.observers import OBSERVERS
 from absjax.observers.certificate import certify
+from absjax.parameters import defaults_of, span_of
 from absjax.plant.wheel import Wheel
 from absjax.results import RolloutError
 from absjax.tyres.surfaces import surface
 from tuning.core.config import ConfigError
 from tuning.core.files import read_json
+from tuning.core.journal import Journal
+from tuning.core.objective import Objective
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.tables import LogError
 from tuning.observers.bench import bench_of, training_runs
@@ -22,10 +25,19 @@ from tuning.observers.config import ObserverConfig
 from tuning.observers.metrics import crossings, rms, settling, within
 from tuning.observers.scenarios import BLEND, concatenate, simulate
 from tuning.observers.signals import observer_signals
-from tuning.observers.study import estimates, gain_sets, held_out_runs, rig_sets, rig_study, speed_rows, table_runs
+from tuning.observers.study import (
+    HeldOut,
+    estimates,
+    gain_sets,
+    held_out_runs,
+    rig_sets,
+    rig_study,
+    speed_rows,
+    table_runs,
+)
 from tuning.observers.tasks import rig_log, tune
 from tuning.observers.tracking import drive, loops, summary
-from tuning.observers.tune import ObserverResult, exact_costs, judge, trade_off, tune_observer
+from tuning.observers.tune import ObserverProblem, ObserverResult, trade_off, tune_observer
 
 TINY = ObserverConfig(
     observer="unknown_road",
@@ -88,12 +100,12 @@ def test_scenarios_are_refused_by_name():
 
 def test_gradient_of_the_cost_against_differences(runs):
     bench = bench_of(TINY, runs.select([0]))
-    names = list(TINY.kind.default)
+    default = defaults_of(TINY.design)
 
     def cost(logs):
-        return bench.judge(dict(zip(names, jnp.exp(logs)))).cost(0.2)
+        return bench.judge(dict(zip(default, jnp.exp(logs)))).cost(Objective("power"), 0.2)
 
-    logs = jnp.log(jnp.array([TINY.kind.default[n] * 1.1 for n in names]))
+    logs = jnp.log(jnp.array([value * 1.1 for value in default.values()]))
     gradient = np.asarray(jax.jit(jax.grad(cost))(logs))
     value = jax.jit(cost)
     for i in (0, 3, 4, 6):
@@ -104,13 +116,18 @@ def test_gradient_of_the_cost_against_differences(runs):
 def test_tuning_improves_certifies_and_can_be_read_back(runs):
     bench = bench_of(TINY, runs)
     result = tune_observer(TINY, bench)
-    points = np.stack([TINY.box().point(values) for values in (TINY.initial(), result.parameters)])
-    costs = exact_costs(TINY, bench, points)
+    problem = ObserverProblem.of(TINY, bench)
+    points = np.stack([problem.box.point(values) for values in (TINY.initial(), result.parameters)])
+    costs = problem.judge(points)
     assert costs[1] < costs[0]
     assert result.certificate["holds"] and certify(result.observer()).holds
     assert ObserverResult.from_json(read_back(result.to_json())) == result
     assert len(result.history) == TINY.iterations and len(result.history[0]) == TINY.starts
-    assert judge(TINY, bench, np.repeat(points, 20, axis=0)).settling.shape[0] == 40
+    np.testing.assert_allclose(problem.judge(np.repeat(points, 20, axis=0)), np.repeat(costs, 20), rtol=1e-12)
+    costs, gradients = problem.costs_and_gradients(points, np.array([0, 2]))
+    lone = dataclasses.replace(problem, bench=problem.bench.of(np.array([0, 2])))
+    np.testing.assert_allclose(costs, lone.costs_and_gradients(points, None)[0], rtol=1e-12)
+    assert np.isfinite(gradients).all()
 
 
 def read_back(data):
@@ -129,14 +146,15 @@ def test_trade_off_goes_from_quick_to_quiet():
     assert len(given) == 1 and given[0]["noise_weight"] is None
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", OBSERVERS)
 def test_every_kind_builds_certified_observers_anywhere_in_its_box(kind):
     rng, wheel = np.random.default_rng(0), Wheel()
-    low, high = KINDS[kind].low, KINDS[kind].high
+    design = OBSERVERS[kind]
+    spans = {name: span_of(design, name) for name in defaults_of(design)}
     for _ in range(5):
-        drawn = {n: jnp.asarray(np.exp(rng.uniform(np.log(low[n]), np.log(high[n])))) for n in low}
-        assert certify(KINDS[kind].build(wheel, drawn)).holds
-    assert certify(KINDS[kind].build(wheel, {k: jnp.asarray(v) for k, v in KINDS[kind].default.items()})).holds
+        drawn = {n: np.exp(rng.uniform(*np.log(span))) for n, span in spans.items()}
+        assert certify(design(**drawn).observer(wheel)).holds
+    assert certify(design().observer(wheel)).holds
 
 
 @pytest.mark.parametrize(
@@ -144,18 +162,21 @@ def test_every_kind_builds_certified_observers_anywhere_in_its_box(kind):
     [
         ({"observer": "kalman"}, "observer: 'kalman' is unknown; there are constant"),
         ({"start": {"frequenzy": 1.0}}, "start: 'frequenzy' is unknown"),
-        ({"start": {"frequency": 1e6}}, r"start.frequency = 1000000.0 must be in \[5, 1000\]"),
+        (
+            {"start": {"frequency": 9.0}, "limits": {"frequency": [10, 20]}},
+            r"start.frequency = 9.0 must be in \[10, 20\]",
+        ),
         ({"tune": ["pole"]}, "tune: 'pole' is unknown"),
         ({"limits": {"ratio": [2.0, 1.0]}}, "limits.ratio"),
-        ({"roads": ["mud", "ice"]}, "roads: surface 'mud' is unknown"),
+        ({"roads": ["mud", "ice"]}, "surface 'mud' is unknown"),
         ({"roads": ["snow"]}, "roads = .* must be empty, or two"),
         ({"runs": 0}, "runs = 0"),
         ({"substeps": 0}, "substeps = 0"),
-        ({"substeps": 1.5}, "substeps = 1.5 is not of the kind"),
-        ({"noise": [0.5, -1.0]}, "noise = .* must be levels >= 0"),
-        ({"noise": 0.5}, "noise = 0.5 is not of the kind"),
+        ({"substeps": 1.5}, "substeps = 1.5: must be a valid integer"),
+        ({"noise": [0.5, -1.0]}, r"noise\[1\] = -1.0: must be greater than or equal to 0"),
+        ({"noise": 0.5}, "noise = 0.5: must be a valid tuple"),
         ({"speeds": [3.0, 30.0]}, "speeds = .* must be above"),
-        ({"speeds": [30.0]}, r"speeds = .* must be \(lowest, highest\)"),
+        ({"speeds": [30.0]}, r"speeds\[1\] = .*Field required"),
         ({"wheel": {"radius": -1.0}}, r"wheel: Wheel\.radius = -1"),
         ({"screened": 1}, "screened = 1"),
         ({"gains": 1}, "configuration: 'gains' is unknown"),
@@ -208,7 +229,7 @@ def test_shipped_gains_are_certified_and_settle_on_roads_not_tuned_on():
         assert certify(gains.observer(Wheel())).holds
     times = {label: [] for label in sets}
     for excitation in ("five_phase", "two_phase"):
-        held_out = held_out_runs(excitation, instants=1)
+        held_out = held_out_runs(excitation, instants=1).runs
         assert held_out.runs > 80
         for label, gains in sets.items():
             error = estimates(gains, held_out).stiffness - held_out.stiffness
@@ -242,11 +263,12 @@ def test_a_ride_with_a_step_too_large_for_its_observer_is_refused():
 
 
 def test_a_task_writes_what_it_says(tmp_path, monkeypatch):
-    few = held_out_runs("five_phase", instants=1).select(slice(0, None, 3))
-    monkeypatch.setattr("tuning.observer_tasks.held_out_runs", lambda excitation: few)
-    report = tune(TINY, tmp_path)
+    every = held_out_runs("five_phase", instants=1)
+    few = HeldOut(every.runs.select(slice(0, None, 3)), every.changed_to[::3])
+    monkeypatch.setattr("tuning.observers.tasks.held_out_runs", lambda excitation: few)
+    report = tune(TINY, tmp_path, lambda i, n, cost: None, Journal())
     assert {path.name for path in report.files} == {"result.json", "tables.json", "history.png", "held_out.png"}
     assert all(path.stat().st_size > 1000 for path in report.files)
     result = ObserverResult.from_json(read_json(tmp_path / "result.json"))
-    assert result.parameters.keys() == TINY.kind.default.keys() and result.certificate["holds"]
+    assert result.parameters.keys() == defaults_of(TINY.design).keys() and result.certificate["holds"]
     assert "certified" in report.lines[-1]

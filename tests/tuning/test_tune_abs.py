@@ -7,15 +7,21 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from tuning.cli import app, configuration
-from tuning.controllers.batch import build, judge
-from tuning.controllers.config import ConfigError, TuningConfig
-from tuning.controllers.cycles import certify_cycles, rig_loops
+from tuning.cli import app
+from tuning.controllers.batch import batch_of, scored
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.cycles import certify_cycles
 from tuning.controllers.demo import limited
-from tuning.controllers.results import load_controller, plot_stop
-from tuning.controllers.tune import TuningResult, _costs_and_gradients, tune_abs
+from tuning.controllers.load import load_controller, plot_stop
+from tuning.controllers.problem import problem_of
+from tuning.controllers.report import tuning_rows
+from tuning.controllers.result import TuningResult
+from tuning.controllers.setup import Setup
+from tuning.controllers.tune import tune_abs
+from tuning.core.command import configuration
+from tuning.core.config import ConfigError
 from tuning.core.files import read_json, write_json
-from tuning.core.report import tuning_rows
+from tuning.core.fit import fit
 
 SMALL = TuningConfig(
     roads=("dry_asphalt", "wet_asphalt"),
@@ -68,20 +74,20 @@ def test_the_command_writes_the_same_and_can_go_on(result, tmp_path):
 
 
 def test_the_limit_on_contraction_is_reached_by_its_gradient(result):
-    before = {row.road: row.contraction for row in certify_cycles(SMALL, SMALL.initial())}
+    before = {row.road: row.contraction for row in certify_cycles(Setup.of(SMALL), Setup.of(SMALL).initial)}
     assert max(before.values()) > 0.7
     assert all(row.certified and row.contraction < 0.61 for row in result[0].cycles)
 
 
 def test_the_gradient_of_cost_and_contraction_against_differences():
     """Of the very program that descends: distances, and what the contraction of every cycle is charged."""
-    problem, box = build(SMALL), SMALL.box()
-    loops, limits = rig_loops(SMALL), (SMALL.largest_contraction, SMALL.kind.step)
-    at = box.valid(np.stack([box.point(SMALL.initial())] * 2))
+    problem = problem_of(SMALL)
+    box = problem.box
+    at = box.valid(np.repeat(problem.given, 2, axis=0))
     direction = np.where(np.array(box.names) == "eps1", 1.0, np.where(np.array(box.names) == "u1", -0.7, 0.0))
 
     def costs(shift):
-        values, gradients = _costs_and_gradients(problem, loops, at + shift * direction, box, limits)
+        values, gradients = problem.costs_and_gradients(at + shift * direction, None)
         return np.asarray(values)[0], np.asarray(gradients)[0] @ direction
 
     h = 1e-6
@@ -90,7 +96,7 @@ def test_the_gradient_of_cost_and_contraction_against_differences():
 
 
 def test_limits_hold(result):
-    names, low, high, _ = SMALL.box()
+    names, low, high, _ = Setup.of(SMALL).box()
     values = np.array([result[0].parameters[name] for name in names])
     assert np.all(values >= np.multiply(low, 1 - 1e-9)) and np.all(values <= np.multiply(high, 1 + 1e-9))
     least = dict(zip(names, low))
@@ -105,7 +111,7 @@ def test_result_goes_through_json_and_can_be_gone_on_from(result):
     again = TuningResult.from_json(data)
     assert again == tuned
     follow = TuningConfig.from_json({**data["config"], "start": data["parameters"]})
-    assert follow.base_controller() == tuned.controller
+    assert Setup.of(follow).controller() == tuned.controller
 
 
 def test_a_stop_that_does_not_end_is_written_as_none(tmp_path, result):
@@ -157,111 +163,127 @@ def test_a_stop_of_a_result_is_drawn(result):
     assert sum("untuned" in title for title in titles) == 1 and sum(", tuned" in title for title in titles) == 1
 
 
-def test_judging_in_chunks_and_by_mean():
-    problem = build(dataclasses.replace(SMALL, objective="mean"))
+def test_scoring_in_chunks_and_some_of_the_rows():
+    batch = batch_of(Setup.of(SMALL))
     sets = {"eps2": np.linspace(38, 42, 70)}
-    judged = judge(problem, sets)
-    assert judged.costs.shape == (70,) and judged.stops.distance.shape == (2, 70)
-    assert np.std(judged.costs) > 0
-    one = judge(problem, {"eps2": sets["eps2"][66:67]})
-    np.testing.assert_allclose(one.costs, judged.costs[66:67], rtol=1e-12)
+    every = scored(batch, sets)
+    assert every.losses.shape == every.stops.distance.shape == (2, 70) and np.all(np.std(every.losses, axis=1) > 0)
+    one = scored(batch, {"eps2": sets["eps2"][66:67]})
+    np.testing.assert_allclose(one.losses, every.losses[:, 66:67], rtol=1e-12)
+    second = scored(batch.of(np.array([1])), {"eps2": sets["eps2"][66:67]})
+    np.testing.assert_allclose(second.losses, every.losses[1:, 66:67], rtol=1e-12)
 
 
 def test_what_nobody_should_buy_is_charged():
     """A wheel locked for long above 15 km/h, a stop that does not end, a controller that rests."""
     config = dataclasses.replace(SMALL, speeds_kmh=(60.0,), roads=("dry_asphalt",), objective="mean")
-    problem = build(config)
+    batch = batch_of(Setup.of(config))
     names = ("eps0", "eps4", "eps5")
     sets = np.array([[400.0, 20.0, 30.0], [30.0, 20.0, 500.0], [50.0, 20.0, 30.0]])
-    judged = judge(problem, dict(zip(names, sets.T)))
+    judged = scored(batch, dict(zip(names, sets.T)))
     distance, lock = judged.stops.distance[0], judged.stops.longest_lock[0][0]
     assert lock[0] > 1.0 > config.longest_lock > lock[2]
-    ratios = distance / problem.ideal[0]
+    ratios = distance / batch.ideal[0]
     idle = np.maximum(judged.stops.longest_cycle[0] - config.longest_cycle, 0.0)
     expected = ratios + 0.05 * idle + 2.0 * np.maximum(lock - config.longest_lock, 0.0)
     ended = judged.stops.outcome[0] == 0
-    np.testing.assert_allclose(judged.costs[ended], expected[ended], rtol=1e-9)
+    np.testing.assert_allclose(judged.losses[0][ended], expected[ended], rtol=1e-9)
     assert ended[0] and ended[2]
 
 
 @pytest.mark.parametrize(
     "entries, message",
     [
-        ({"road": ["snow"]}, r"configuration: 'road' is unknown"),
-        ({"roads": ["mud"]}, r"roads: surface 'mud' is unknown"),
-        ({"roads": [[1.0, -2.0, 0.1]]}, r"roads: Burckhardt\.c2 = -2"),
-        ({"roads": [[0.0, 1.0, 0.0]]}, r"roads: c = \(0\.0, 1\.0, 0\.0\) has a peak friction of 0"),
-        ({"roads": []}, r"roads = \(\) must be one road at least"),
-        ({"roads": "snow"}, r"roads = 'snow' is not of the kind"),
+        ({"road": ["snow"]}, r"configuration: 'road' is unknown; there are .*; did you mean roads\?"),
+        ({"roads": ["mud"]}, r"roads\[0\] = 'mud': surface 'mud' is unknown"),
+        ({"roads": [[1.0, -2.0, 0.1]]}, r"roads\[0\] = .*: Burckhardt\.c2 = -2"),
+        ({"roads": [[0.0, 1.0, 0.0]]}, r"c = \(0\.0, 1\.0, 0\.0\) has a peak friction of 0"),
+        ({"roads": []}, r"roads = \[\]: Tuple should have at least 1 item"),
+        ({"roads": "snow"}, r"roads = 'snow': must be a valid tuple"),
+        ({"roads": [{"tyre": "michelin"}]}, r"tyre: 'michelin' is unknown; there are burckhardt, exponential_basis"),
+        ({"roads": [{"tyre": "burckhardt", "parameters": {"c4": 1}}]}, r"parameters: 'c4' is unknown"),
         ({"speeds_kmh": [1.0]}, r"speeds_kmh = 1\.0 must be above stop_speed_kmh"),
-        ({"rate_limit": -5}, r"Brake\.rate_limit = -5"),
-        ({"lag": "slow"}, r"lag = 'slow' is not of the kind"),
-        ({"starts": 0}, r"starts = 0 must be an integer >= 1"),
-        ({"iterations": 2.5}, r"iterations = 2\.5 is not of the kind"),
-        ({"objective": "best"}, r"objective: 'best' is unknown; there are mean, worst, balanced"),
+        ({"rate_limit": -5}, r"rate_limit = -5: must be greater than 0"),
+        ({"rate_limit": True}, r"rate_limit = True: must be a valid number"),
+        ({"lag": "slow"}, r"lag = 'slow': must be a valid number"),
+        ({"lag": float("nan")}, r"lag = nan: must be a finite number"),
+        ({"seed": -1}, r"seed = -1: must be greater than or equal to 0"),
+        ({"starts": 0}, r"starts = 0: must be greater than or equal to 1"),
+        ({"iterations": 2.5}, r"iterations = 2\.5: must be a valid integer"),
+        ({"iterations": True}, r"iterations = True: must be an integer, not a boolean"),
+        ({"objective": "best"}, r"objective = 'best': must be 'mean', 'worst', 'balanced', 'cvar' or 'power'"),
         ({"reference": "published", "roads": ["snow"]}, r"no distance is published for snow from 60 km/h"),
-        ({"controller": "six_phase"}, r"controller: 'six_phase' is unknown"),
-        ({"controller": "two_phase", "roads": ["snow"]}, r"start\.chi_a = -0\.1 must be above -c3 = -0\.0646"),
+        ({"controller": "six_phase"}, r"controller: 'six_phase' is unknown; there are five_phase"),
+        ({"controller": "nowhere:Phase"}, r"controller: 'nowhere:Phase' cannot be imported: No module named 'nowhere'"),
+        ({"controller": "json:JSONDecoder"}, r"controller: JSONDecoder lacks title, grid_step, phases"),
+        ({"controller": "two_phase", "roads": ["snow"]}, r"start: chi_a = -0\.1 must be above -0\.0646"),
         ({"observer": "seven"}, r"observer: 'seven' is unknown"),
-        ({"observer_parameters": {"ratio": 1}}, r"observer_parameters = .* must be empty without an observer"),
+        ({"observer_parameters": {"ratio": 1}}, r"observer_parameters = .* must be empty without observer"),
         ({"observer": "adaptive", "observer_parameters": {"pole": 1}}, r"observer_parameters: 'pole' is unknown"),
-        ({"largest_contraction": 0}, r"largest_contraction = 0\.0 must be positive, or null"),
+        ({"plant": "bicycle"}, r"plant: 'bicycle' is unknown; there are quarter_car, test_rig"),
+        ({"plant": "test_rig"}, r"plant: .*speed"),
+        ({"sensor": "noisy", "sensor_parameters": {"noise": -1}}, r"sensor_parameters: NoisySensor\.noise = -1"),
+        ({"largest_contraction": 0}, r"largest_contraction = 0: must be greater than 0"),
         ({"start": {"eps9": 1}}, r"start: 'eps9' is unknown"),
         ({"start": {"eps1": -1}}, r"start: FivePhase\.eps1 = -1"),
-        ({"limits": {"eps1": [5, 2]}}, r"limits\.eps1 = \(5\.0, 2\.0\) must be"),
-        ({"sampled_period": 0}, r"sampled_period = 0\.0 must be positive"),
-        ({"cycle_speeds_kmh": []}, r"cycle_speeds_kmh = \(\) must be one speed at least"),
-        ({"controller": "slip", "largest_contraction": 0.9}, r"largest_contraction = 0\.9 must be null: slip does not"),
+        ({"limits": {"eps1": [5, 2]}}, r"limits\.eps1|start\.eps1"),
+        ({"limits": {"eps1": [40, 50]}}, r"start\.eps1 = 30\.0 must be in \[40, 50\], its limits"),
+        ({"sampled_period": 0}, r"sampled_period = 0: must be greater than 0"),
+        ({"cycle_speeds_kmh": []}, r"cycle_speeds_kmh = \[\]: Tuple should have at least 1 item"),
+        ({"controller": "slip", "largest_contraction": 0.9}, r"largest_contraction = 0\.9 must be null: "),
         (
             {"controller": "slip", "start": {"slip": -0.2}, "tune": ["slip"], "limits": {"slip": [-2, 0]}},
             r"limits\.slip",
         ),
         (
             {"controller": "two_phase", "limits": {"chi_a": [-0.6, 0.0]}},
-            r"limits\.chi_a = -0\.6 must be above -c3 = -0\.1204, the least XBS of road wet_cobblestones",
+            r"limits: chi_a = -0\.6 must be above -0\.1204, the least XBS of road wet_cobblestones",
         ),
         ({"controller": "two_phase", "start": {"chi_a": 0.1}}, r"start: TwoPhase\.chi_a = 0\.1 is outside"),
-        ({"controller": "two_phase", "roads": ["ice"]}, r"start\.slip_limit = -1 must be above -1: on road ice"),
+        ({"controller": "two_phase", "roads": ["ice"]}, r"start: slip_limit = -1 must be above -1: on road ice"),
         ({"start": {"eps1": 20.0, "eps2": 12.2}}, r"start: FivePhase\.eps2 = 12\.2 must be at least eps1 \+ 2"),
-        ({"pedal_rate": 0}, r"pedal_rate = 0\.0 must be positive"),
+        ({"pedal_rate": 0}, r"pedal_rate = 0: must be greater than 0"),
         ({"roads": [{"surfaces": ["snow"], "changes": [3.0]}]}, r"snow must have a change between each two surfaces"),
-        ({"roads": [{"surface": "snow"}]}, r"must have the entries surfaces and changes"),
+        ({"roads": [{"surface": "snow"}]}, r"'surface' is unknown; there are surfaces, changes, speeds_kmh"),
         ({"screened": 1}, r"screened = 1 must be at least as many as starts"),
-        ({"wheel": {"spokes": 5}}, r"spokes"),
+        ({"starts": 1, "screened": 4, "known": [{"eps1": 20.0}]}, r"starts = 1 must be more than the known sets"),
+        ({"batch": 99}, r"batch = 99 must be at most the 15 members"),
+        ({"wheel": {"spokes": 5}}, r"wheel: 'spokes' is unknown; there are inertia, radius"),
         ([], r"a configuration is a dictionary, not list"),
     ],
 )
 def test_bad_configurations_are_refused(entries, message):
     with pytest.raises(ConfigError, match=message):
         config = TuningConfig.from_json(entries)
-        config.box()
-        build(config)
+        fit(problem_of(config), config)
 
 
 def test_the_sampled_grid_divides_the_period():
     two = TuningConfig(controller="two_phase", observer="adaptive", sampled_period=1.5e-3)
-    step, ticks = two.sampled_grid()
-    assert (step * ticks, ticks) == (pytest.approx(1.5e-3), 2) and step <= two.kind.step
-    assert TuningConfig().sampled_grid() == (1e-3, 1) and TuningConfig(sampled_period=4e-3).sampled_grid() == (2e-3, 2)
+    step, ticks = Setup.of(two).sampled_grid()
+    assert (step * ticks, ticks) == (pytest.approx(1.5e-3), 2) and step <= two.kind.grid_step
+    five = Setup.of(TuningConfig())
+    assert five.sampled_grid() == (1e-3, 1) and five.sampled_grid(4e-3) == (2e-3, 2)
 
 
 def test_ranges_contain_the_start_and_stay_reachable():
-    box = TuningConfig(
+    config = TuningConfig(
         controller="two_phase",
         roads=("ice", "snow"),
         start={"chi_a": -0.01, "slip_limit": -0.6},
         tune=("chi_a", "slip_limit"),
-    ).box()
+    )
+    box = Setup.of(config).box()
     assert box.low == (pytest.approx(-0.9 * 0.0646), -1.0) and box.high == (0.0, -0.05)
 
 
 def test_every_point_is_a_valid_set():
-    config = TuningConfig()
-    box = config.box()
-    points = np.random.default_rng(3).normal(size=(200, len(box.names))) * 2 + box.point(config.initial())
+    setup = Setup.of(TuningConfig())
+    box = setup.box()
+    points = np.random.default_rng(3).normal(size=(200, len(box.names))) * 2 + box.point(setup.initial)
     for values in zip(*box.values(box.valid(points)).values()):
-        config.kind.build(config.car(), {name: float(f"{v:.4g}") for name, v in zip(box.names, values)})
-    fixed = TuningConfig(tune=("eps1", "eps3")).box()
+        setup.controller({name: float(f"{v:.4g}") for name, v in zip(box.names, values)})
+    fixed = Setup.of(TuningConfig(tune=("eps1", "eps3"))).box()
     assert max(fixed.high) < 38.0 and fixed.ordered == ()
 
 

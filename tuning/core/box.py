@@ -14,6 +14,8 @@ from absjax.parameters import bounds_of, span_of, trainable_names
 from tuning.core.config import choice, require
 
 LINEAR_SPAN = 4.0
+ROUNDED = 1e-9
+"""Share of its limits by which a start may miss them."""
 ROUNDING = 1.05
 """Factor on the margin by which parameters keep their order, so that rounding cannot break it."""
 
@@ -109,6 +111,11 @@ def box_of(
         low, high = pairs[name]
         require(f"limits.{name}", (low, high), own[name].low <= low <= high <= own[name].high, "(low, high)")
         require(f"limits.{name}", (low, high), low > 0 or not own[name].open_low, "(low, high) with 0 < low")
+        if name in limits:
+            # Shipped values are rounded: one on a limit may lie beside it.
+            near = ROUNDED * max(abs(low), abs(high))
+            inside = low - near <= initial[name] <= high + near
+            require(f"start.{name}", initial[name], inside, f"in [{low:g}, {high:g}], its limits")
     ordered = []
     for low, high, least in getattr(kind, "ordered", ()):
         margin = ROUNDING * least

@@ -64,13 +64,13 @@ def _rms(square, where):
 
 @model
 class Bench:
-    """Runs an observer is judged on, as arrays (runs, samples), and the roads on them (runs, roads)."""
+    """Runs an observer is judged on, lanes of a model: their samples, and the roads on them."""
 
     samples: Sample = part("without noise")
-    noise: Any = parameter("noise on y, m/s^2, shape (runs, samples)", ndim=2)
-    stiffness: Any = parameter("true XBS, shape (runs, samples)", ndim=2)
-    begins: Any = parameter("s, shape (runs, roads)", ndim=2)
-    ends: Any = parameter("s, shape (runs, roads)", ndim=2)
+    noise: Any = parameter("noise on y, m/s^2, shape (samples,)", ndim=1)
+    stiffness: Any = parameter("true XBS, shape (samples,)", ndim=1)
+    begins: Any = parameter("s, shape (roads,)", ndim=1)
+    ends: Any = parameter("s, shape (roads,)", ndim=1)
     wheel: Wheel = part("as the observer knows it")
     period: Any = parameter("of the samples, s", low=0.0, open_low=True)
     design: type[Design] = Adaptive
