@@ -26,7 +26,9 @@ def require_contract(component: Any, contract: type, *, optional: bool = False) 
         ValueError: naming the component, what it lacks, and the contract.
     """
     required, others = members_of(contract)
-    missing = [name for name in (*required, *(others if optional else ())) if not hasattr(component, name)]
+    fields = getattr(component, "__dataclass_fields__", {})
+    wanted = (*required, *(others if optional else ()))
+    missing = [name for name in wanted if not (hasattr(component, name) or name in fields)]
     if missing:
         owner = component if isinstance(component, type) else type(component)
         hint = "; inherit from it to have what is optional" if set(missing) & set(others) else ""

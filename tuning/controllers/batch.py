@@ -174,7 +174,7 @@ def batch_of(setup: Setup) -> Batch:
         longest_lock=config.longest_lock,
         horizon=horizon,
         step=setup.step,
-        substeps=setup.substeps,
+        substeps=setup.substeps(),
         max_events=config.max_events,
         reference=config.reference,
     )

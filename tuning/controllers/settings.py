@@ -34,12 +34,11 @@ class Setting(NamedTuple):
         """The system to roll out, and its grid step [s]."""
         if self.period is None:
             return loop, setup.step
-        step, ticks = setup.sampled_grid(self.period)
         sensor = None
         if self.name == "chain":
             chain = measured_chain(TEETH, EVENTS)
             sensor = EncoderSensor(Encoder.ideal(TEETH), chain, rolling=ROLLING, period=self.period)
-        return setup.sampled(loop, ticks, sensor), step
+        return setup.sampled(loop, self.period, sensor)
 
 
 LOCATED, SAMPLED, COARSE, CHAIN = (

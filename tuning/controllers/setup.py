@@ -39,8 +39,6 @@ class Setup:
     """parameters of the controller to start from"""
     step: float
     """grid step, s"""
-    substeps: int
-    """Runge-Kutta steps of the observer per sample"""
 
     @classmethod
     def of(cls, config: TuningConfig) -> "Setup":
@@ -55,16 +53,15 @@ class Setup:
             driver = Driver(config.pedal_rate, config.foot_delay, config.driver_pressure)
         except ValueError as error:
             raise ConfigError(str(error)) from None
-        step, substeps, observer = config.step or config.kind.grid_step, 1, None
+        step, observer = config.step or config.kind.grid_step, None
         if design is not None:
             step = config.step or 1e-3 / design.substeps
-            substeps = config.substeps or math.ceil(2 * design.substeps * config.sampled_period / 1e-3)
             observer = components.built("observer_parameters", design, config.observer_parameters).observer(wheel)
         sensor = config.sensor_kind
         if sensor is not None:
             sensor = components.built("sensor_parameters", sensor, config.sensor_parameters)
         initial = components.initial(config.kind, config.start)
-        setup = cls(config, config.kind, wheel, brake, driver, observer, sensor, initial, step, substeps)
+        setup = cls(config, config.kind, wheel, brake, driver, observer, sensor, initial, step)
         setup.loop(setup.controller())
         return setup
 
@@ -100,9 +97,19 @@ class Setup:
         ticks = max(1, math.ceil(period / longest - 1e-9))
         return period / ticks, ticks
 
-    def sampled(self, loop: ClosedLoop, ticks: int, sensor: Sensor | None = None) -> SampledLoop:
-        """A loop under the clock of a control unit, with the configured sensor unless one is given."""
-        return SampledLoop(loop, sensor or self.sensor, tick_every=ticks, substeps=self.substeps)
+    def substeps(self, period: float | None = None) -> int:
+        """Runge-Kutta steps of the observer per sample."""
+        design, period = self.config.design, self.config.sampled_period if period is None else period
+        if design is None:
+            return 1
+        return self.config.substeps or math.ceil(2 * design.substeps * period / 1e-3)
+
+    def sampled(
+        self, loop: ClosedLoop, period: float | None = None, sensor: Sensor | None = None
+    ) -> tuple[SampledLoop, float]:
+        """A loop under the clock of a control unit, with the configured sensor unless one is given; its grid step."""
+        step, ticks = self.sampled_grid(period)
+        return SampledLoop(loop, sensor or self.sensor, tick_every=ticks, substeps=self.substeps(period)), step
 
     def box(self) -> Box:
         """The tuned parameters, their limits and their order.

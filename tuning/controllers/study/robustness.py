@@ -111,9 +111,8 @@ def stops(config: TuningConfig, controller: Any, draws: Draws) -> tuple[Stop, np
     wheel, brake = draws.wheel, dataclasses.replace(nominal.brake, lag=draws.lag)
     scattered = dataclasses.replace(nominal, wheel=wheel, brake=brake)
     loop = scattered.loop(controller, UniformRoad(draws.tyre), draws.pedal_rate)
-    step, ticks = nominal.sampled_grid()
     sensor = NoisySensor(draws.noise, float(nominal.wheel.radius), draws.seed)
-    sampled = nominal.sampled(loop, ticks, sensor)
+    sampled, step = nominal.sampled(loop, sensor=sensor)
     ideal = draws.speed / (GRAVITY * np.asarray(draws.tyre.peak().friction))
     horizon = HORIZON_FACTOR * float(ideal.max()) + 1.0
     stopped = stop(sampled, draws.speed, horizon=horizon, step=step, max_events=120, tile=64)
