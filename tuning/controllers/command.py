@@ -23,13 +23,15 @@ def tune_abs(
 
     def work():
         from tuning.controllers.config import TuningConfig
+        from tuning.controllers.setup import Setup
 
         if config is None and not resume:
             raise ValueError("--config: a configuration is needed, {} for the defaults; or --resume")
         wanted = TuningConfig.from_json(configuration(config, out, resume=resume))
+        Setup.of(wanted).box()
         return (config,), lambda: tuned(wanted, out, "tuned thresholds", resume=resume)
 
-    carry_out(out, work, force=force, resume=resume)
+    carry_out(out, work, source=config, force=force, resume=resume)
 
 
 def tuned(config, out: Path, title: str, *, resume: bool = False) -> Any:

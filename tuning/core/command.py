@@ -17,9 +17,13 @@ Work = Callable[[], tuple[Sequence[Path | None], Callable[[], Any]]]
 """Says which files it reads, and gives what makes a report, or reports as they come."""
 
 
-def carry_out(out: Path, work: Work, *, force: bool = False, resume: bool = False) -> None:
-    """Do the work of a command: checked before it begins, what it finds printed, errors said in a line."""
-    with clear_errors():
+def carry_out(out: Path, work: Work, *, source: Path | None = None, force: bool = False, resume: bool = False) -> None:
+    """Do the work of a command: checked before it begins, what it finds printed, errors said in a line.
+
+    Args:
+        source: the file of the configuration, for messages.
+    """
+    with clear_errors(source):
         from tuning.core.files import require_folder
 
         inputs, run = work()

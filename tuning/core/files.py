@@ -34,15 +34,14 @@ def read_json(path: Path) -> Any:
     """Read a JSON file, with or without a byte order mark.
 
     Raises:
-        ValueError: if there is no such file, or it is not JSON with distinct keys and finite numbers; names the file,
-            and where.
+        ValueError: if there is no such file, or it is not JSON with distinct keys; names the file, and where.
     """
     if not path.is_file():
         raise ValueError(f"{path}: no such file")
     if path.stat().st_size > LARGEST_JSON:
         raise ValueError(f"{path}: {path.stat().st_size} bytes; {LARGEST_JSON} at most")
     try:
-        return json.loads(path.read_text("utf-8-sig"), object_pairs_hook=_distinct, parse_constant=_refused)
+        return json.loads(path.read_text("utf-8-sig"), object_pairs_hook=_distinct)
     except json.JSONDecodeError as error:
         raise ValueError(f"{path}, line {error.lineno}, column {error.colno}: not JSON: {error.msg}") from None
     except UnicodeDecodeError as error:
@@ -71,10 +70,6 @@ def _distinct(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
             raise ValueError(f"the key {key!r} stands twice")
         found[key] = value
     return found
-
-
-def _refused(constant: str) -> Any:
-    raise ValueError(f"{constant} is not a finite number")
 
 
 def require_folder(out: Path, inputs: Sequence[Path | None] = (), *, force: bool = False, resume: bool = False) -> None:

@@ -23,13 +23,16 @@ def say(text: str) -> None:
 
 
 @contextlib.contextmanager
-def clear_errors() -> Iterator[None]:
-    """What the user can mend is said in a line, without a traceback."""
+def clear_errors(source: Path | None = None) -> Iterator[None]:
+    """What the user can mend is said in a line, without a traceback; of a configuration with its file, `source`."""
+    from tuning.core.config import ConfigError
+
     try:
         yield
     except (ValueError, OSError) as error:
+        names_file = source is None or not isinstance(error, ConfigError) or str(source) in str(error)
         console.print("error:", style="red", end=" ")
-        say(str(error))
+        say(str(error) if names_file else f"{source}: {error}")
         raise typer.Exit(2) from None
 
 

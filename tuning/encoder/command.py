@@ -59,7 +59,7 @@ def tune_encoder(
 
         return (config,), run
 
-    carry_out(out, work, force=force, resume=resume)
+    carry_out(out, work, source=config, force=force, resume=resume)
 
 
 def encoder_study(

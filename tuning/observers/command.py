@@ -52,7 +52,7 @@ def tune_observer(
 
         return (config, log, car), run
 
-    carry_out(out, work, force=force, resume=resume)
+    carry_out(out, work, source=config, force=force, resume=resume)
 
 
 def observer_study(out: Out, force: Force = False) -> None:
