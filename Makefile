@@ -20,9 +20,9 @@ $(VENV)/.bench: $(VENV)/.base
 	touch $@
 
 demo: $(VENV)/.base
-	$(BIN)/python -m tuning demo --out demo
+	$(BIN)/python -m tuning demo --out demo --force
 
-test: $(VENV)/.dev
+test: check
 	$(BIN)/python -m pytest
 
 bench: $(VENV)/.bench
