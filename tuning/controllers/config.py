@@ -21,8 +21,6 @@ from tuning.core.components import component
 from tuning.core.config import (
     LONGEST,
     Count,
-    Limits,
-    Names,
     NonNegative,
     Positive,
     Text,
@@ -48,8 +46,6 @@ class TuningConfig(SearchConfig):
         observer: name of the observer that tells it XBS, in `absjax.observers.OBSERVERS`, or as above; None tells it
             the true one.
         observer_parameters: of that observer; the default ones where not given.
-        start: parameters to start from; the controller's defaults where not given.
-        tune: names of the parameters to tune; those declared trainable when empty.
         roads: see `tuning.core.roads`.
         speeds_kmh: initial speeds [km/h].
         plant: what is braked, in `absjax.plant.PLANTS`, or as above; plant_parameters: its further fields.
@@ -61,9 +57,8 @@ class TuningConfig(SearchConfig):
             largest pressure [bar]. Given, never tuned.
         pedal_strength: where given, every road and speed is braked a second time under this over the initial speed
             [bar m/s^2], as a ramp of the sources' form begins.
-        threshold_floor: smallest threshold [m/s^2], from the noise of the measured acceleration.
-        limits: (low, high) by parameter; where not given, what the controller declares, or the floor for thresholds
-            and a twentieth of the start for others, and five times the start.
+        threshold_floor: smallest threshold [m/s^2], from the noise of the measured acceleration. Where no limits are
+            given or declared, they are this for thresholds and a twentieth of the start for others, and five times it.
         stop_speed_kmh: speed that ends a stop [km/h]; below the source's 2.5 km/h lock does not matter.
         longest_cycle: longest time between two cycles a controller may take [s]; one that rests at a
             pressure near the peak is no anti-lock controller, however short it stops.
@@ -71,10 +66,7 @@ class TuningConfig(SearchConfig):
         largest_contraction: of the limit cycles on every road, on the true XBS; a set that keeps it is preferred to
             any that does not. None does not constrain them; they are certified all the same.
         cycle_speeds_kmh: speeds at which limit cycles are looked for [km/h].
-        objective: over the rows of distance over reference: 'mean', 'worst', 'balanced' (a weighted mean of both),
-            'cvar' (the mean of the worst), 'power' (a power mean).
-        tail: share of the rows that are the worst, for 'cvar'.
-        reference: what is tuned. 'ideal': the distance from the pedal, over the ideal one under the same pedal.
+        reference: the loss of a row. 'ideal': the distance from the pedal, over the ideal one under the same pedal.
             'published': the published quantity, which begins at the first switching, over the published one (of the
             two-phase algorithm, if that is what is tuned, else of the five-phase one).
         known: further parameter sets to start from, as from an earlier result.
@@ -88,8 +80,6 @@ class TuningConfig(SearchConfig):
     controller: Text = "five_phase"
     observer: Text | None = None
     observer_parameters: Values = dataclasses.field(default_factory=dict)
-    start: Values = dataclasses.field(default_factory=dict)
-    tune: Names = ()
     roads: Annotated[tuple[RoadEntry, ...], Field(min_length=1, max_length=LONGEST)] = ROADS
     speeds_kmh: Speeds = SPEEDS_KMH
     plant: Text = "quarter_car"
@@ -105,14 +95,12 @@ class TuningConfig(SearchConfig):
     driver_pressure: Positive = 150.0
     pedal_strength: Positive | None = None
     threshold_floor: NonNegative = 10.0
-    limits: Limits = dataclasses.field(default_factory=dict)
     stop_speed_kmh: Positive = 2.5
     longest_cycle: Positive = 1.0
     longest_lock: NonNegative = 0.05
     largest_contraction: Positive | None = None
     cycle_speeds_kmh: Speeds = (30.0, 60.0, 120.0, 180.0)
     objective: Name = "balanced"
-    tail: Annotated[Positive, Field(le=1)] = 0.2
     reference: Literal["ideal", "published"] = "ideal"
     known: Annotated[tuple[Values, ...], Field(max_length=LONGEST)] = ()
     step: Positive | None = None

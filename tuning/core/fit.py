@@ -5,21 +5,30 @@ nothing. Interrupted from the keyboard, it returns the best there is.
 """
 
 import dataclasses
+from typing import Annotated
 
 import numpy as np
+from pydantic import Field
 
-from tuning.core.config import Count, Entries, NonNegative, Positive, Whole, config, require
+from tuning.core.config import Count, Entries, Limits, Names, NonNegative, Positive, Values, Whole, config, require
 from tuning.core.descent import Descent, Method, Progress
 from tuning.core.evolution import Evolution
 from tuning.core.journal import Journal
+from tuning.core.objective import Name
 from tuning.core.problem import Problem
 
 
 @config
 class SearchConfig(Entries):
-    """How to search. JSON keys are the names of the fields.
+    """What every tuning has: from where, within which limits, for what, and how. JSON keys are the names of the fields.
 
     Attributes:
+        start: parameters to start from; the default ones where not given.
+        tune: names of the parameters to tune; those declared trainable when empty.
+        limits: (low, high) by parameter; where not given, what the component declares.
+        objective: over the losses of the ensemble: 'mean', 'worst', 'balanced' (a weighted mean of both), 'cvar' (the
+            mean of the worst), 'power' (a power mean).
+        tail: share of the ensemble that is the worst, for 'cvar'.
         starts: descents run together; screened: random starts they are chosen from.
         scatter: standard deviation of the random starts, on the scales of `tuning.core.box`.
         iterations, learning_rate, seed: of the descent.
@@ -30,6 +39,11 @@ class SearchConfig(Entries):
         evolutions: how often that is tried, with other draws.
     """
 
+    start: Values = dataclasses.field(default_factory=dict)
+    tune: Names = ()
+    limits: Limits = dataclasses.field(default_factory=dict)
+    objective: Name = "mean"
+    tail: Annotated[Positive, Field(le=1)] = 0.2
     starts: Count = 8
     screened: Count = 256
     scatter: NonNegative = 0.5

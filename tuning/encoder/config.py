@@ -1,6 +1,5 @@
 """What chain from edges to wheel speed to tune, on which encoders and references."""
 
-import dataclasses
 from typing import Annotated
 
 from pydantic import Field
@@ -12,18 +11,14 @@ from tuning.core.box import Box
 from tuning.core.config import (
     LONGEST,
     Count,
-    Limits,
-    Names,
     NonNegative,
     Positive,
-    Values,
     Whole,
     choice,
     config,
     require,
 )
 from tuning.core.fit import SearchConfig
-from tuning.core.objective import Name
 from tuning.encoder.bench import BRAKED, REFERENCES, Reference
 from tuning.encoder.chains import SIGNALS
 
@@ -37,10 +32,10 @@ Switch = Annotated[Whole, Field(le=1)]
 class EncoderConfig(SearchConfig):
     """What to tune, on what. JSON keys are the names of the fields, and those of `SearchConfig`.
 
+    Parameters have names as `speed_forgetting`; they start from the published values.
+    Losses are logarithms of rms errors.
+
     Attributes:
-        start: parameters to start from, names as `speed_forgetting`; the published ones where not given.
-        tune: names of the parameters to tune; all when empty.
-        limits: (low, high) by name.
         teeth: N.
         events: values of n to choose from. harmonics: values of M to choose from. Every pair is tried.
         filter_regressor: 1 if the regressors are filtered as the signals are, 0 for the published law.
@@ -50,13 +45,8 @@ class EncoderConfig(SearchConfig):
         encoders: number of encoders tuned on, seeds from `seed` on; held_out: number of those judged on, seeds
             after them.
         references: how the wheels turn. duration: of a run [s]. settle: time from which errors count [s].
-        objective: over encoders, references and signals of the logarithm of the rms errors: 'mean', 'worst',
-            'balanced' or 'cvar'. tail: share of the worst, for 'cvar'.
     """
 
-    start: Values = dataclasses.field(default_factory=dict)
-    tune: Names = ()
-    limits: Limits = dataclasses.field(default_factory=dict)
     teeth: Annotated[Count, Field(ge=12, le=10_000)] = 60
     events: Annotated[tuple[Annotated[Count, Field(ge=3, le=10_000)], ...], Field(min_length=1, max_length=LONGEST)] = (
         8,
@@ -77,8 +67,6 @@ class EncoderConfig(SearchConfig):
     references: Annotated[tuple[Reference, ...], Field(min_length=1, max_length=LONGEST)] = REFERENCES
     duration: Positive = 4.0
     settle: NonNegative = 0.5
-    objective: Name = "mean"
-    tail: Annotated[Positive, Field(le=1)] = 0.2
     starts: Count = 2
     screened: Count = 16
     scatter: NonNegative = 1.5

@@ -17,8 +17,6 @@ from tuning.core.components import built, component, initial
 from tuning.core.config import (
     LONGEST,
     Count,
-    Limits,
-    Names,
     NonNegative,
     Positive,
     Text,
@@ -39,9 +37,6 @@ class ObserverConfig(SearchConfig):
 
     Attributes:
         observer: name of the observer, in `absjax.observers.OBSERVERS`, or `package.module:Class`.
-        start: parameters to start from; the default ones where not given.
-        tune: names of the parameters to tune; all when empty.
-        limits: (low, high) by parameter.
         wheel: fields of `absjax.plant.wheel.Wheel`.
         roads: surfaces to change between, by name or (c1, c2, c3); when empty they are drawn at random over
             the range of the published ones (`random_surfaces`), so that no published road is tuned on.
@@ -50,17 +45,12 @@ class ObserverConfig(SearchConfig):
         deceleration: imposed [m/s^2].
         duration: of a run [s]; the road changes once, near the middle.
         noise: standard deviations of the white noise on y [m/s^2], sample by sample; dealt out to the runs in turn.
-        noise_weight: settling time that 1 of XBS noise is worth [s]; None tunes on the rms of the error.
-        objective: over runs and roads of the settling time, or the rms of the error; 'power', 'mean', 'worst',
-            'balanced' or 'cvar'. tail: share of the worst, for 'cvar'.
+        noise_weight: settling time that 1 of XBS noise is worth [s]; None: the losses are the rms of the error instead.
         period: of the samples [s]; substeps: Runge-Kutta steps per sample, None for what the default
             parameters need.
     """
 
     observer: Text = "adaptive"
-    start: Values = dataclasses.field(default_factory=dict)
-    tune: Names = ()
-    limits: Limits = dataclasses.field(default_factory=dict)
     wheel: Values = dataclasses.field(default_factory=dict)
     roads: Annotated[tuple[Surface, ...], Field(max_length=LONGEST)] = ()
     runs: Count = 32
@@ -70,7 +60,6 @@ class ObserverConfig(SearchConfig):
     noise: Annotated[tuple[NonNegative, ...], Field(min_length=1, max_length=LONGEST)] = (0.5,)
     noise_weight: NonNegative | None = 0.1
     objective: Name = "power"
-    tail: Annotated[Positive, Field(le=1)] = 0.2
     period: Positive = 1e-3
     substeps: Count | None = None
     starts: Count = 4
