@@ -26,6 +26,8 @@ from absjax.tyres.base import Tyre
 
 BLEND = 0.025
 """Length of the blend from one road to the next [s]."""
+FAR = 10.0
+"""Slip at which XBS has come to its limit."""
 FIVE: dict[str, Any] = {"eps1": 25.0, "eps2": 32.0, "eps3": 15.0, "eps5": 22.0}
 """Thresholds of the five-phase cycle: within reach on snow, where x2 cannot exceed a mu = 34 m/s^2."""
 Excitation = Literal["five_phase", "two_phase"]
@@ -148,8 +150,8 @@ def _five_phase(wheel: Wheel) -> AccelerationTracking:
 
 
 def _two_phase(surfaces: Tyre, wheel: Wheel) -> TwoPhase:
-    """Thresholds every surface of a run reaches: XBS goes from that of free rolling to that of a locked wheel."""
-    lowest, highest = (np.asarray(surfaces.stiffness(jnp.asarray(slip))) for slip in (-1.0, 0.0))
+    """Thresholds every surface of a run reaches: XBS goes from that of free rolling to its limit for large slips."""
+    lowest, highest = (np.asarray(surfaces.stiffness(jnp.asarray(slip))) for slip in (-FAR, 0.0))
     low, high = np.maximum(-0.1, 0.6 * lowest.max(axis=1)), np.minimum(5.0, 0.5 * highest.min(axis=1))
     return TwoPhase(wheel=wheel, zref=40.0, chi_a=low, chi_b=high)
 
