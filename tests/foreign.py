@@ -49,7 +49,7 @@ class Sled:
     road: Road = part("the road")
     drag: Any = parameter("k, N s^2/m^2", default=0.05, low=0.0)
 
-    def at(self, speed):
+    def initial_state(self, speed):
         return SledState(speed, speed / self.wheel.radius, 0.0 * speed)
 
     def _force(self, time, state):
@@ -104,19 +104,19 @@ class SlipThresholds(Controller):
 
     ordered: ClassVar[tuple[tuple[str, str, float], ...]] = (("flat", "deep", 0.01),)
 
-    def at(self, signals):
+    def initial_state(self, signals):
         return ()
 
-    def rate(self, signals, kept, mode):
-        return jnp.where(mode == 0, 1e4, jnp.where(mode == 1, -self.pace, self.pace))
+    def rate(self, signals, state, phase):
+        return jnp.where(phase == 0, 1e4, jnp.where(phase == 1, -self.pace, self.pace))
 
-    def guards(self, signals, kept, mode):
+    def guards(self, signals, state, phase):
         slip = 1 - signals.radius * signals.wheel_speed / signals.vehicle_speed
         begins = jnp.where(signals.pedal > 0.5, slip - self.deep, -1.0)
-        return (jnp.where(mode == 1, self.flat - slip, jnp.where(mode == 0, begins, slip - self.deep)),)
+        return (jnp.where(phase == 1, self.flat - slip, jnp.where(phase == 0, begins, slip - self.deep)),)
 
-    def switch(self, signals, kept, mode, slot):
-        return kept, jnp.where(mode == 1, 2, 1)
+    def switch(self, signals, state, phase, slot):
+        return state, jnp.where(phase == 1, 2, 1)
 
 
 @model
@@ -126,7 +126,7 @@ class Filtered:
     wheel: Wheel = part("the wheel as it knows it", default=Wheel())
     pull: Any = parameter("gain", default=40.0, low=0.0, open_low=True)
 
-    def at(self, y):
+    def initial_state(self, y):
         return (y, 0.0 * y)
 
     def flow(self, state, y, speed, rate):
@@ -164,7 +164,7 @@ class Rounding:
     def period(self):
         return None
 
-    def at(self, signals):
+    def begin(self, signals):
         return self.measure(signals, ())
 
     def flow(self, state, signals):

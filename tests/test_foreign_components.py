@@ -132,9 +132,9 @@ def test_where_they_are_put_in_they_are_checked():
     for part in ("plant", "brake", "controller", "observer"):
         with pytest.raises(ValueError, match="Mute lacks"):
             dataclasses.replace(loop_of(), **{part: Mute()})
-    with pytest.raises(ValueError, match="Mute lacks period, at, flow, measure of the contract"):
+    with pytest.raises(ValueError, match="Mute lacks period, begin, flow, measure of the contract"):
         SampledLoop(loop_of(), Mute())
-    with pytest.raises(ValueError, match=r"Mute lacks signal, harmonics, at, clean of the contract .*Compensation"):
+    with pytest.raises(ValueError, match=r"Mute lacks signal, harmonics, initial_state, clean of .*Compensation"):
         WheelSpeedChain(None, Mute())
     require_contract(FilteredDesign, Design)
 
@@ -144,7 +144,7 @@ def test_a_controller_that_lacks_a_method_cannot_be_made():
     class Idle(Controller):
         title, grid_step, phases, slots, cycle_phase = "idle", 1e-3, ("the driver's",), 0, None
 
-        def at(self, signals):
+        def initial_state(self, signals):
             return ()
 
     with pytest.raises(TypeError, match=r"abstract methods.* guards, rate, switch"):

@@ -76,25 +76,25 @@ class AccelerationPhases(Controller):
     ways_back: bool = True
     """whether there is a way out of a release that lasts and of a hold the wheel recovers in; False as published"""
 
-    def at(self, signals: Signals) -> Any:
+    def initial_state(self, signals: Signals) -> Any:
         """Entered here and now."""
         return Entered(signals.time)
 
-    def guards(self, signals: Signals, kept, mode):
+    def guards(self, signals: Signals, state, phase):
         """Slot 0: the threshold that leads on; slot 1: the other way out of a release and of the holds."""
         x2 = signals.acceleration_offset
-        rising = (mode == 1) | (mode == 2)
+        rising = (phase == 1) | (phase == 2)
         first = onset_threshold(self.eps0, self.eps0_growth, signals)
-        threshold = pick(mode, (-first, self.eps1, self.eps2, self.eps3, -self.eps4, -self.eps5))
+        threshold = pick(phase, (-first, self.eps1, self.eps2, self.eps3, -self.eps4, -self.eps5))
         onward = jnp.where(rising, x2 - threshold, threshold - x2)
-        overdue = signals.time - kept.time - self.longest_release
+        overdue = signals.time - state.time - self.longest_release
         fallen, recovered = self.fallback * self.eps1 - x2, x2 + self.fallback * self.eps4
         if not self.ways_back:
             overdue = recovered = -1.0
-        back = pick(mode, (-1.0, overdue, fallen, -1.0, -1.0, recovered))
-        return jnp.where(mode == 0, while_pressed(onward, signals), onward), back
+        back = pick(phase, (-1.0, overdue, fallen, -1.0, -1.0, recovered))
+        return jnp.where(phase == 0, while_pressed(onward, signals), onward), back
 
-    def switch(self, signals: Signals, kept, mode, slot):
+    def switch(self, signals: Signals, state, phase, slot):
         """The phase that follows, entered now."""
-        onward = jnp.where(mode == 5, 1, mode + 1)
-        return self.at(signals), jnp.where(slot == 1, 4, onward)
+        onward = jnp.where(phase == 5, 1, phase + 1)
+        return self.initial_state(signals), jnp.where(slot == 1, 4, onward)

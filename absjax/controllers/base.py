@@ -35,22 +35,22 @@ class Controller(Protocol):
     """optional: fields that have to keep an order, (lower, higher, by how much at least)"""
 
     @abstractmethod
-    def at(self, signals: Signals) -> Any:
+    def initial_state(self, signals: Signals) -> Any:
         """What it keeps from one switching to the next, a pytree of float scalars; () for nothing."""
         ...
 
     @abstractmethod
-    def rate(self, signals: Signals, kept: Any, mode: Any) -> Any:
+    def rate(self, signals: Signals, state: Any, phase: Any) -> Any:
         """Commanded dPb/dt [bar/s]."""
         ...
 
     @abstractmethod
-    def guards(self, signals: Signals, kept: Any, mode: Any) -> tuple[Any, ...]:
+    def guards(self, signals: Signals, state: Any, phase: Any) -> tuple[Any, ...]:
         """One value per slot; a slot fires when its value rises through zero."""
         ...
 
     @abstractmethod
-    def switch(self, signals: Signals, kept: Any, mode: Any, slot: Any) -> tuple[Any, Any]:
+    def switch(self, signals: Signals, state: Any, phase: Any, slot: Any) -> tuple[Any, Any]:
         """What it keeps, and the phase, after the guard of `slot` has fired."""
         ...
 

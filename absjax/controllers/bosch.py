@@ -1,6 +1,6 @@
 """The textbook anti-lock logic: eight phases on wheel acceleration and slip.
 
-| mode | phase | dPb/dt | leaves when |
+| phase | number in the source | dPb/dt | leaves when |
 |---|---|---|---|
 | 0 | 1 initial apply | the driver's | acc <= -a -> 1 |
 | 1 | 2 hold | 0 | R w <= (1 - lambda1) vRef -> 2; false alarm: acc >= -share a -> 0 |
@@ -81,23 +81,23 @@ class BoschLogic(Controller):
     longest_hold: Any = parameter("longest hold after the release, s", default=0.15, **TUNED)
     share: Any = parameter("of a threshold at which it is left again", default=0.9, low=0.0, high=0.999, open_low=True)
 
-    def at(self, signals: Signals) -> Reference:
+    def initial_state(self, signals: Signals) -> Reference:
         """The reference is the rim."""
         return Reference(signals.time, signals.radius * signals.wheel_speed)
 
-    def _reference(self, signals: Signals, kept: Reference):
-        return kept.speed - self.gradient * (signals.time - kept.time)
+    def _reference(self, signals: Signals, state: Reference):
+        return state.speed - self.gradient * (signals.time - state.time)
 
-    def rate(self, signals: Signals, kept: Reference, mode):
+    def rate(self, signals: Signals, state: Reference, phase):
         """Commanded dPb/dt [bar/s]."""
-        strength = pick(mode, (0.0, 0.0, -self.release, 0.0, self.apply, 0.0, self.step, 0.0))
-        return jnp.where(mode == 0, OPEN_VALVE, per_rim(strength, signals))
+        strength = pick(phase, (0.0, 0.0, -self.release, 0.0, self.apply, 0.0, self.step, 0.0))
+        return jnp.where(phase == 0, OPEN_VALVE, per_rim(strength, signals))
 
-    def guards(self, signals: Signals, kept: Reference, mode):
+    def guards(self, signals: Signals, state: Reference, phase):
         """One slot for each way on, in the order of the table."""
         acc = signals.acceleration_offset + signals.vehicle_acceleration
-        spent = signals.time - kept.time
-        slower = (1 - self.lambda1) * self._reference(signals, kept) - signals.radius * signals.wheel_speed
+        spent = signals.time - state.time
+        slower = (1 - self.lambda1) * self._reference(signals, state) - signals.radius * signals.wheel_speed
         falls, recovers = -self.minus_a - acc, acc + self.share * self.minus_a
         rises, sinks = acc - self.plus_A, self.plus_a + self.share * (self.plus_A - self.plus_a) - acc
         first = (
@@ -111,12 +111,12 @@ class BoschLogic(Controller):
             falls,
         )
         second = (-1.0, recovers, -1.0, falls, -1.0, rises, spent - self.pulse, spent - self.pause)
-        third = jnp.where(mode == 3, spent - self.longest_hold, -1.0)
-        return pick(mode, first), pick(mode, second), third
+        third = jnp.where(phase == 3, spent - self.longest_hold, -1.0)
+        return pick(phase, first), pick(phase, second), third
 
-    def switch(self, signals: Signals, kept: Reference, mode, slot):
+    def switch(self, signals: Signals, state: Reference, phase, slot):
         """The phase that follows, and the reference speed carried on."""
-        first, second = pick(mode, (1, 2, 3, 5, 5, 6, 2, 2)), pick(mode, (0, 0, 2, 2, 4, 4, 7, 6))
+        first, second = pick(phase, (1, 2, 3, 5, 5, 6, 2, 2)), pick(phase, (0, 0, 2, 2, 4, 4, 7, 6))
         following = jnp.where(slot == 0, first, jnp.where(slot == 1, second, 6))
         rim = signals.radius * signals.wheel_speed
-        return Reference(signals.time, jnp.maximum(rim, self._reference(signals, kept))), following
+        return Reference(signals.time, jnp.maximum(rim, self._reference(signals, state))), following

@@ -32,7 +32,7 @@ class FivePhase(AccelerationPhases):
     u3: Any = parameter("u3, fast apply, bar m/s^2", default=4000.0, **TUNED)
     u4: Any = parameter("u4, slow apply, bar m/s^2", default=2000.0, **TUNED)
 
-    def rate(self, signals: Signals, kept, mode):
+    def rate(self, signals: Signals, state, phase):
         """Commanded dPb/dt [bar/s]."""
-        strength = pick(mode, (0.0, -self.u1, 0.0, self.u3, self.u4, 0.0))
-        return jnp.where(mode == 0, OPEN_VALVE, per_rim(strength, signals))
+        strength = pick(phase, (0.0, -self.u1, 0.0, self.u3, self.u4, 0.0))
+        return jnp.where(phase == 0, OPEN_VALVE, per_rim(strength, signals))

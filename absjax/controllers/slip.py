@@ -36,22 +36,22 @@ class SlipControl(DriverBraking):
     pull: Any = parameter("gamma, from slip to acceleration, m/s^2", default=200.0, low=0.0, trainable=True)
     gain: Any = parameter("K, on acceleration, m/s^2", default=500.0, low=0.0, open_low=True, trainable=True)
 
-    def at(self, signals: Signals) -> tuple[()]:
+    def initial_state(self, signals: Signals) -> tuple[()]:
         """Nothing is kept."""
         return ()
 
-    def rate(self, signals: Signals, kept, mode):
+    def rate(self, signals: Signals, state, phase):
         """Commanded dPb/dt [bar/s]."""
         speed = signals.vehicle_speed
         slip = self.wheel.slip(signals.wheel_speed, speed)
         target = signals.vehicle_acceleration * slip - self.pull * (slip - self.slip)
         follow = self.gain * (signals.acceleration_offset - target) / (speed * self.wheel.pressure_gain)
-        return jnp.where(mode == 0, OPEN_VALVE, follow)
+        return jnp.where(phase == 0, OPEN_VALVE, follow)
 
-    def guards(self, signals: Signals, kept, mode):
+    def guards(self, signals: Signals, state, phase):
         """The end of driver braking."""
-        return (jnp.where(mode == 0, self.driver_guard(signals), -1.0),)
+        return (jnp.where(phase == 0, self.driver_guard(signals), -1.0),)
 
-    def switch(self, signals: Signals, kept, mode, slot):
+    def switch(self, signals: Signals, state, phase, slot):
         """Control after driver braking."""
-        return kept, jnp.ones_like(mode)
+        return state, jnp.ones_like(phase)

@@ -44,14 +44,14 @@ class StiffnessControl(DriverBraking):
         "share of d under which c XBS + d counts as zero", default=0.01, low=0.0, high=1.0, open_low=True
     )
 
-    def at(self, signals: Signals) -> tuple[()]:
+    def initial_state(self, signals: Signals) -> tuple[()]:
         """Nothing is kept."""
         return ()
 
     def _room(self, signals: Signals):
         return self.c * signals.stiffness + self.d
 
-    def rate(self, signals: Signals, kept, mode):
+    def rate(self, signals: Signals, state, phase):
         """Commanded dPb/dt [bar/s]."""
         z1, z2, room = signals.acceleration_offset, signals.stiffness, self._room(signals)
         defined = room >= self.margin * self.d
@@ -59,13 +59,13 @@ class StiffnessControl(DriverBraking):
         slope = safe_divide(-self.rate_gain * self.d * z1, room, defined)
         pull = self.gain * (z1 - target) - slope - self.wheel.slip_gain * z1 * z2
         follow = pull / (signals.vehicle_speed * self.wheel.pressure_gain)
-        return jnp.where(mode == 0, OPEN_VALVE, follow)
+        return jnp.where(phase == 0, OPEN_VALVE, follow)
 
-    def guards(self, signals: Signals, kept, mode):
+    def guards(self, signals: Signals, state, phase):
         """The end of driver braking; then the end of where the law is defined."""
         end = self.margin * self.d - self._room(signals)
-        return (jnp.where(mode == 0, self.driver_guard(signals), end),)
+        return (jnp.where(phase == 0, self.driver_guard(signals), end),)
 
-    def switch(self, signals: Signals, kept, mode, slot):
+    def switch(self, signals: Signals, state, phase, slot):
         """Control after driver braking; no more control where it is not defined."""
-        return kept, jnp.where(mode == 0, 1, UNDEFINED)
+        return state, jnp.where(phase == 0, 1, UNDEFINED)

@@ -48,18 +48,18 @@ class AccelerationTracking(AccelerationPhases):
         "the cubic ends beyond the threshold by this share of the way, so that it is crossed", default=0.2, low=0.0
     )
 
-    def at(self, signals: Signals) -> Entry:
+    def initial_state(self, signals: Signals) -> Entry:
         """An entry here and now."""
         return Entry(signals.time, signals.acceleration_offset)
 
-    def rate(self, signals: Signals, kept: Entry, mode):
+    def rate(self, signals: Signals, state: Entry, phase):
         """Commanded dPb/dt [bar/s]."""
         a, b, x2 = self.wheel.slip_gain, self.wheel.pressure_gain, signals.acceleration_offset
-        goal = pick(mode, (0.0, self.eps1, 0.0, self.eps3, -self.eps4, 0.0))
-        way = (1 + self.beyond) * (goal - kept.offset)
+        goal = pick(phase, (0.0, self.eps1, 0.0, self.eps3, -self.eps4, 0.0))
+        way = (1 + self.beyond) * (goal - state.offset)
         duration = 1.5 / b * jnp.abs(way) / self.pressure_rate
-        share = jnp.clip(safe_divide(signals.time - kept.time, duration, duration > 0, 1.0), 0.0, 1.0)
-        target = kept.offset + way * share**2 * (3 - 2 * share)
+        share = jnp.clip(safe_divide(signals.time - state.time, duration, duration > 0, 1.0), 0.0, 1.0)
+        target = state.offset + way * share**2 * (3 - 2 * share)
         slope = safe_divide(way * 6 * share * (1 - share), duration, duration > 0)
         tracking = -(a / signals.vehicle_speed * signals.stiffness * x2 + slope - self.gain * (x2 - target)) / b
-        return pick(mode, (OPEN_VALVE, tracking, 0.0, tracking, tracking, 0.0))
+        return pick(phase, (OPEN_VALVE, tracking, 0.0, tracking, tracking, 0.0))

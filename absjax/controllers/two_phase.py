@@ -109,25 +109,25 @@ class TwoPhase(DriverBraking):
         flattest = max(float(tyre.stiffness(-1.0)) for tyre in tyres)
         return "S" if float(self.chi_a) <= flattest else ""
 
-    def at(self, signals: Signals) -> tuple[()]:
+    def initial_state(self, signals: Signals) -> tuple[()]:
         """Nothing is kept."""
         return ()
 
-    def rate(self, signals: Signals, kept, mode):
+    def rate(self, signals: Signals, state, phase):
         """Commanded dPb/dt [bar/s]."""
         offset = signals.acceleration_offset
-        target = self.zref * pick(mode, (0.0, 1.0, -1.0, self.recovery))
+        target = self.zref * pick(phase, (0.0, 1.0, -1.0, self.recovery))
         pull = self.gain * (offset - target) - self.wheel.slip_gain * offset * signals.stiffness
         follow = pull / (signals.vehicle_speed * self.wheel.pressure_gain)
-        return jnp.where(mode == 0, OPEN_VALVE, follow)
+        return jnp.where(phase == 0, OPEN_VALVE, follow)
 
-    def guards(self, signals: Signals, kept, mode):
+    def guards(self, signals: Signals, state, phase):
         """The threshold that leads on; the limit of the slip."""
         slip = self.wheel.slip(signals.wheel_speed, signals.vehicle_speed)
         release, apply = signals.stiffness - self.chi_b, self.chi_a - signals.stiffness
-        onward = pick(mode, (self.driver_guard(signals), release, apply, slip - 0.5 * self.slip_limit))
-        return onward, jnp.where(mode == 2, self.slip_limit - slip, -1.0)
+        onward = pick(phase, (self.driver_guard(signals), release, apply, slip - 0.5 * self.slip_limit))
+        return onward, jnp.where(phase == 2, self.slip_limit - slip, -1.0)
 
-    def switch(self, signals: Signals, kept, mode, slot):
+    def switch(self, signals: Signals, state, phase, slot):
         """Release after driver braking, then one after the other."""
-        return kept, jnp.where(slot == 1, 3, pick(mode, (1, 2, 1, 2)))
+        return state, jnp.where(slot == 1, 3, pick(phase, (1, 2, 1, 2)))

@@ -105,7 +105,7 @@ class HarmonicCompensation:
         """k^p G0 k^p, its diagonal: g times the steady value 2 beta sum k^(2 p)."""
         return self.gain * self.forgetting * jnp.sum(self._weights(dtype)) * self._used(dtype)
 
-    def at(self, dtype) -> Learned:
+    def initial_state(self, dtype) -> Learned:
         """Nothing learned: ϑ = 0, G = G0."""
         zero, size = jnp.zeros((), dtype), 2 * self.harmonics
         covariance = jnp.diag(jnp.asarray(self._initial(dtype), dtype))

@@ -51,7 +51,7 @@ class NotchFilter:
         """It takes the first off."""
         return 1
 
-    def at(self, dtype) -> Notched:
+    def initial_state(self, dtype) -> Notched:
         """At rest."""
         zero = jnp.zeros((), dtype)
         return Notched(zero, zero, zero, zero)

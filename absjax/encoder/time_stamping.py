@@ -115,7 +115,7 @@ class TimeStamping:
         """2 pi / N [rad]."""
         return 2 * np.pi / self.teeth
 
-    def at(self, times, dtype) -> Stamps:
+    def initial_state(self, times, dtype) -> Stamps:
         """Before any edge.
 
         Args:

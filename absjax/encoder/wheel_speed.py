@@ -33,7 +33,7 @@ class Compensation(Protocol):
         """How many harmonics of the wheel's frequency it tells apart."""
         ...
 
-    def at(self, dtype: Any) -> Any:
+    def initial_state(self, dtype: Any) -> Any:
         """State before any sample."""
         ...
 
@@ -83,10 +83,10 @@ class WheelSpeedChain:
                     f"{(self.stamping.teeth - 1) // 2} apart"
                 )
 
-    def at(self, times, dtype) -> ChainState:
+    def initial_state(self, times, dtype) -> ChainState:
         """State before any edge; `times` is the dtype of the edges' ages, `dtype` that of all else."""
-        speed, acceleration = (None if c is None else c.at(dtype) for c in (self.speed, self.acceleration))
-        return ChainState(self.stamping.at(times, dtype), speed, acceleration)
+        speed, acceleration = (None if c is None else c.initial_state(dtype) for c in (self.speed, self.acceleration))
+        return ChainState(self.stamping.initial_state(times, dtype), speed, acceleration)
 
     def absorb(self, state: ChainState, edges: Edges, period, tick=1.0) -> tuple[ChainState, WheelSpeed]:
         """The state at the next sample, and what is known then.
@@ -157,7 +157,7 @@ def estimate(
 @jax.jit
 def _estimate(chain, edges: Edges, period, tick, start):
     def one(chain, edges, start):
-        first = chain.at(edges.ages.dtype, tick.dtype) if start is None else start
+        first = chain.initial_state(edges.ages.dtype, tick.dtype) if start is None else start
         step = jax.checkpoint(lambda state, now: chain.absorb(state, now, period, tick), prevent_cse=False)
 
         def without_weights(state, now):

@@ -32,10 +32,10 @@ class Channel:
     def begun(self, state: ChannelState, measured: Signals) -> ChannelState:
         """The state with observer and controller at their start."""
         if self.observer is not None:
-            state = state._replace(observer=self.observer.at(measured.acceleration_offset))
-        return state._replace(controller=self.controller.at(self.told(measured, state)))
+            state = state._replace(observer=self.observer.initial_state(measured.acceleration_offset))
+        return state._replace(controller=self.controller.initial_state(self.with_estimate(measured, state)))
 
-    def told(self, measured: Signals, state: ChannelState) -> Signals:
+    def with_estimate(self, measured: Signals, state: ChannelState) -> Signals:
         """What the controller is told: XBS as the observer estimates it."""
         if self.observer is None:
             return measured

@@ -90,22 +90,24 @@ class ClosedLoop:
         """The driver, whose pedal limits the pressure; None under a free ramp."""
         return self.driver if isinstance(self.driver, Driver) else None
 
-    def at(self, speed) -> LoopState:
+    def initial_state(self, speed) -> LoopState:
         """State of free rolling at `speed` [m/s] with the brake released."""
-        return self._begin(self.plant.at(speed), speed, 0.0 * speed, self.driver.at(speed), 0)
+        return self._begin(self.plant.initial_state(speed), speed, 0.0 * speed, self.driver.initial_state(speed), 0)
 
     def braking(self, speed, slip, offset) -> LoopState:
         """State of braking at a slip lambda < 0 and an acceleration offset x2 [m/s^2], to begin in a mode of `mode`.
 
         The pressure is what they need, commanded and at the wheel; the pedal is held at its largest.
         """
-        plant = self.plant.with_wheel_speed(self.plant.at(speed), (1 + slip) * speed / self.plant.wheel.radius)
+        plant = self.plant.with_wheel_speed(
+            self.plant.initial_state(speed), (1 + slip) * speed / self.plant.wheel.radius
+        )
         released = self.plant.signals(0.0 * speed, plant, 0.0 * speed).acceleration_offset
         pressure = (released - offset) / self.plant.wheel.pressure_gain
         return self._begin(plant, speed, pressure, self.driver.pressed(speed), self.mode(0))
 
     def _begin(self, plant, speed, pressure, pedal, mode) -> LoopState:
-        state = LoopState(plant, self.brake.at(pressure), pedal, None, (), Memory.blank(speed))
+        state = LoopState(plant, self.brake.initial_state(pressure), pedal, None, (), Memory.blank(speed))
         return self.with_controllers(0.0 * speed, state, mode)
 
     def with_controllers(self, time, state: LoopState, mode) -> LoopState:
@@ -153,13 +155,13 @@ class ClosedLoop:
             return signals
         return signals._replace(pedal=jnp.where(parts.foot == OFF, 0.0, jnp.ones_like(offset)))
 
-    def told(self, signals: Signals, state: LoopState) -> Signals:
+    def with_estimate(self, signals: Signals, state: LoopState) -> Signals:
         """What the controller is told: XBS as the observer estimates it."""
-        return self.channel.told(signals, state.channel)
+        return self.channel.with_estimate(signals, state.channel)
 
     def signals(self, time, state: LoopState, mode) -> Signals:
         """What the controller is told, measured without error."""
-        return self.told(self.measured(time, state, mode), state)
+        return self.with_estimate(self.measured(time, state, mode), state)
 
     def command(self, signals: Signals, state: LoopState, mode):
         """The rate the actuator is asked for and can follow [bar/s]."""

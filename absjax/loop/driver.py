@@ -56,7 +56,7 @@ class Driver:
         """The rate that is asked for [bar/s]: the controller's, in every phase."""
         return rate
 
-    def at(self, speed) -> Pedal:
+    def initial_state(self, speed) -> Pedal:
         """A pedal at rest."""
         zero = 0.0 * speed
         return Pedal(zero, zero)
@@ -110,7 +110,7 @@ class FreeRamp:
         """The rate that is asked for [bar/s]: the ramp's in phase 0, then the controller's."""
         return jnp.where(phase == 0, per_rim(self.ramp, signals), rate)
 
-    def at(self, speed) -> None:
+    def initial_state(self, speed) -> None:
         """There is no pedal."""
 
     def pressed(self, speed) -> None:

@@ -99,7 +99,7 @@ def ideal_distance(loop: ClosedLoop, speed: Any, *, horizon: float, step: float 
     if concrete(speed) and concrete(loop.stop_speed) and not np.all(np.asarray(speed) > np.asarray(loop.stop_speed)):
         raise ValueError(f"speed = {speed} must be above the stop speed {loop.stop_speed} m/s")
     speed = jnp.asarray(speed, jnp.result_type(float) if not hasattr(speed, "dtype") else speed.dtype)
-    start = Point(speed, 0.0 * speed, driver.at(speed))
+    start = Point(speed, 0.0 * speed, driver.initial_state(speed))
     system = _Ideal(loop.plant, driver, loop.stop_speed)
     end = rollout(system, start, step=step, steps=math.ceil(horizon / step - 1e-9), max_events=24)
     waited = driver.delay * speed

@@ -84,7 +84,7 @@ def limit_cycle(
 
     Args:
         loop: on an `absjax.plant.test_rig.TestRig` at constant speed; leaves with a leading axis make an ensemble. What
-            the controller keeps must be decided where a cycle begins (`Controller.at`), as of all controllers here.
+            the controller keeps must be decided where a cycle begins (`Controller.initial_state`), as of all here.
         warm_up: cycles from the first touch of the pedal before the search begins.
         horizon: longest time for one cycle [s].
         step: grid step [s].
@@ -112,7 +112,7 @@ def limit_cycle(
 def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
     # What is iterated carries no derivative: the last step below does.
     held_loop = jax.tree.map(lax.stop_gradient, loop)
-    first = held_loop.at(jnp.asarray(held_loop.plant.speed, jnp.result_type(float)))
+    first = held_loop.initial_state(jnp.asarray(held_loop.plant.speed, jnp.result_type(float)))
     many = _Cycles(held_loop, warm_up)
     warm = rollout(many, first, step=step, steps=warm_up * steps, max_events=warm_up * max_events)
     cycling = warm.status == Status.FINISHED
@@ -124,7 +124,7 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
         zero = 0.0 * point[..., 0]
         state = LoopState(plant, brake, loop.driver.pressed(zero), observer, (), Memory.blank(zero))
         return state._replace(
-            controller=each_lane(lambda loop, told: loop.controller.at(told), loop, _told(loop, state))
+            controller=each_lane(lambda loop, told: loop.controller.initial_state(told), loop, _told(loop, state))
         )
 
     def returned(loop, point):

@@ -69,13 +69,13 @@ class SampledLoop:
         if expected is not None and abs(period - expected) > 1e-6 * expected:
             raise ValueError(f"a tick every {period:g} s; the sensor's period is {expected:g} s")
 
-    def at(self, speed) -> SampledState:
+    def initial_state(self, speed) -> SampledState:
         """State of free rolling at `speed` [m/s], the first command given at once."""
-        state, zero = self.loop.at(speed), 0.0 * speed
+        state, zero = self.loop.initial_state(speed), 0.0 * speed
         signals, sensor = self.loop.measured(zero, state, 0), None
         if self.sensor is not None:
-            signals, sensor = self.sensor.at(signals)
-        rate = self.loop.command(self.loop.told(signals, state), state, jnp.int32(0))
+            signals, sensor = self.sensor.begin(signals)
+        rate = self.loop.command(self.loop.with_estimate(signals, state), state, jnp.int32(0))
         sampled = None if self.loop.observer is None else (zero, Sample.of(signals))
         return SampledState(state, (rate,) * (self.delay + 1), sampled, sensor)
 
@@ -106,7 +106,7 @@ class SampledLoop:
             sample = Sample.of(signals)
             observed = advance(self.loop.observer, loop.observer, before, sample, time - then, self.substeps)
             loop, sampled = loop._replace(observer=observed), (time, sample)
-        signals = self.loop.told(signals, loop)
+        signals = self.loop.with_estimate(signals, loop)
         guards = self.loop.controller.guards(signals, loop.controller, self.loop.phase(mode))
         fires, slot = first_open(guards)
         switched, phase = self.loop.switch(signals, loop, mode, slot)

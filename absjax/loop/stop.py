@@ -110,7 +110,7 @@ def stop(
     speed = jnp.asarray(speed, jnp.result_type(float) if not hasattr(speed, "dtype") else speed.dtype)
     result = rollout(
         loop,
-        loop.at(speed),
+        loop.initial_state(speed),
         step=step,
         steps=math.ceil(horizon / step - 1e-9),
         max_events=max_events,

@@ -73,7 +73,7 @@ class AdaptiveObserver:
         gains = [Condition(n, float(g), 0.0, np.inf) for n, g in zip(names, np.asarray(self.adaptation))]
         return switched_certificate(constant_stiffness(self.wheel).A, self.plus, self.minus, gains)
 
-    def at(self, y) -> AdaptiveState:
+    def initial_state(self, y) -> AdaptiveState:
         """State before anything is known: the measured y [m/s^2], XBS 0, the road at the start values."""
         zero = 0.0 * y
         c = zero + self.start_c

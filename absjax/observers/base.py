@@ -12,7 +12,7 @@ class Observer(Protocol):
     One that knows a proof of its stability has a method `certificate()`, see `absjax.observers.certificate`.
     """
 
-    def at(self, y: Any) -> Any:
+    def initial_state(self, y: Any) -> Any:
         """State before anything is known but the measured y [m/s^2]."""
         ...
 

@@ -29,9 +29,9 @@ class Clamped:
         """That of the observer, whose state is left alone."""
         return certify(self.observer)
 
-    def at(self, y):
+    def initial_state(self, y):
         """State before anything is known."""
-        return self.observer.at(y)
+        return self.observer.initial_state(y)
 
     def flow(self, state, y, speed, rate):
         """d(state)/dt."""

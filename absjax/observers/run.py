@@ -100,12 +100,12 @@ def observe(observer: Observer, samples: Sample, period, *, substeps: int = 1, s
         samples: arrays (samples,), uniformly sampled.
         period: sampling period [s].
         substeps: Runge-Kutta steps per period.
-        start: state at the first sample; `observer.at` when None.
+        start: state at the first sample; `observer.initial_state` when None.
     """
     dtype = jnp.result_type(samples.y, jnp.float32)
     observer, samples, period = jax.tree.map(lambda x: jnp.asarray(x, dtype), (observer, samples, period))
     first = jax.tree.map(lambda x: x[0], samples)
-    start = jax.tree.map(lambda x: jnp.asarray(x, dtype), observer.at(first.y) if start is None else start)
+    start = jax.tree.map(lambda x: jnp.asarray(x, dtype), observer.initial_state(first.y) if start is None else start)
 
     def body(carry, after):
         before, state = carry

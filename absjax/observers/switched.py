@@ -91,7 +91,7 @@ class SwitchedObserver:
         """What is known of its stability."""
         return switched_certificate(self.A, self.plus, self.minus)
 
-    def at(self, y) -> tuple[jax.Array, ...]:
+    def initial_state(self, y) -> tuple[jax.Array, ...]:
         """State before anything is known: the measured y [m/s^2], all else zero."""
         zero = 0.0 * y
         return (y,) + (zero,) * (self.B.shape[-1] - 1)

@@ -41,7 +41,7 @@ class Plant(Protocol):
         """The road under it."""
         ...
 
-    def at(self, speed: Any) -> Any:
+    def initial_state(self, speed: Any) -> Any:
         """State of free rolling at `speed` [m/s]."""
         ...
 
@@ -86,7 +86,7 @@ class Actuator(Protocol):
         """Whether the pressure at the wheel may leave the range of what was commanded."""
         ...
 
-    def at(self, pressure: Any = 0.0) -> Any:
+    def initial_state(self, pressure: Any = 0.0) -> Any:
         """State of rest at `pressure` [bar]."""
         ...
 

@@ -35,7 +35,7 @@ class Brake:
     lag: Any = parameter("tau, first-order lag, s", default=None, low=0.0, open_low=True)
     delay: Any = parameter("h, pure delay, s", default=None, low=0.0, open_low=True)
 
-    def at(self, pressure: Any = 0.0) -> BrakeState:
+    def initial_state(self, pressure: Any = 0.0) -> BrakeState:
         """State of rest at `pressure` [bar]."""
         zero = 0.0 * pressure
         return BrakeState(

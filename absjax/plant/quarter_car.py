@@ -59,6 +59,6 @@ class QuarterCar:
         """The state with another w [rad/s]."""
         return state._replace(wheel_speed=wheel_speed)
 
-    def at(self, speed) -> CarState:
+    def initial_state(self, speed) -> CarState:
         """State of free rolling at `speed` [m/s]."""
         return CarState(speed, speed / self.wheel.radius, 0.0 * speed)

@@ -57,6 +57,6 @@ class TestRig:
         """The state with another w [rad/s]."""
         return state._replace(wheel_speed=wheel_speed)
 
-    def at(self, speed) -> RigState:
+    def initial_state(self, speed) -> RigState:
         """State of free rolling at drum speed `speed` [m/s]."""
         return RigState(speed / self.wheel.radius)

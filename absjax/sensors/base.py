@@ -16,7 +16,7 @@ class Sensor(Protocol):
         """Between the ticks it is made for [s]: loops that tick at another pace refuse to roll out. None: any."""
         ...
 
-    def at(self, signals: Signals) -> tuple[Signals, Any]:
+    def begin(self, signals: Signals) -> tuple[Signals, Any]:
         """The signals as measured when the manoeuvre begins, the wheel having rolled as it does then, and the state.
 
         Of one lane, or of many: arrays with a leading axis.

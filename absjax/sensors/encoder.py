@@ -66,7 +66,7 @@ class EncoderSensor:
         if not 0 < self.period < 1:
             raise ValueError(f"EncoderSensor.period = {self.period} s must lie between 0 and 1")
 
-    def at(self, signals: Signals) -> tuple[Signals, Turning]:
+    def begin(self, signals: Signals) -> tuple[Signals, Turning]:
         """Signals and state after free rolling at the speed the wheel has.
 
         Raises:
@@ -98,7 +98,7 @@ class EncoderSensor:
             chain, wheel = chain_.absorb(chain, edges, self.period)
             return (place, chain), wheel
 
-        chain = jax.tree.map(lambda x: x + zero, chain_.at(speed.dtype, speed.dtype))
+        chain = jax.tree.map(lambda x: x + zero, chain_.initial_state(speed.dtype, speed.dtype))
         (place, chain), told = lax.scan(roll, (place, chain), None, length=self.rolling)
         return jax.tree.map(lambda x: x[-1], told), _turning(place, zero, chain)
 

@@ -37,7 +37,7 @@ class NoisySensor:
         """None: it is for any pace."""
         return None
 
-    def at(self, signals: Signals) -> tuple[Signals, tuple[()]]:
+    def begin(self, signals: Signals) -> tuple[Signals, tuple[()]]:
         """The signals as measured."""
         return self.measure(signals, ())
 

@@ -66,7 +66,7 @@ def test_stop(road, lag):
     tyre = SURFACES[road]
     distance, count, speed = scipy_stop(float(tyre.c1), float(tyre.c2), float(tyre.c3), lag)
     loop = five_phase_loop(tyre=tyre, **({} if lag is None else {"lag": lag}))
-    result = rollout(loop, loop.at(jnp.asarray(SPEED)), step=5e-4, steps=round(END / 5e-4), max_events=100)
+    result = rollout(loop, loop.initial_state(jnp.asarray(SPEED)), step=5e-4, steps=round(END / 5e-4), max_events=100)
     assert int(result.events) == count > 3
     assert abs(float(result.state.plant.distance) - distance) < 1e-7
     assert abs(float(result.state.plant.speed) - speed) < 1e-6

@@ -307,7 +307,7 @@ def test_located_against_scipy_and_gradient_against_differences(name):
     def run(values):
         loop = loop_of(dataclasses.replace(case.controller, **{case.trained: values}), case.ramp, lag=case.lag)
         steps = round(case.duration / STEP)
-        return rollout(loop, loop.at(jnp.asarray(SPEED)), step=STEP, steps=steps, max_events=120)
+        return rollout(loop, loop.initial_state(jnp.asarray(SPEED)), step=STEP, steps=steps, max_events=120)
 
     lanes = run(jnp.array([value, value + h, value - h]))
     expected, count, visited = located_by_scipy(case)
@@ -325,7 +325,7 @@ def test_located_against_scipy_and_gradient_against_differences(name):
 def test_one_lane_as_one_of_many(name):
     case = CASES[name]
     loop, start = case.loop, jnp.array([15.0, SPEED])
-    many, one = (rollout(loop, loop.at(v), step=STEP, steps=800, max_events=120) for v in (start, start[1]))
+    many, one = (rollout(loop, loop.initial_state(v), step=STEP, steps=800, max_events=120) for v in (start, start[1]))
     for lanes, single in zip(jax.tree.leaves(many.state), jax.tree.leaves(one.state)):
         assert float(lanes[1]) == pytest.approx(float(single), rel=1e-11, abs=1e-11)
 
@@ -334,12 +334,12 @@ def test_one_lane_as_one_of_many(name):
 def test_sampled_against_a_plain_loop(name):
     case, step, steps = CASES[name], 1e-3, 600
     sampled = SampledLoop(case.loop)
-    result = rollout(sampled, sampled.at(jnp.asarray(SPEED)), step=step, steps=steps)
+    result = rollout(sampled, sampled.initial_state(jnp.asarray(SPEED)), step=step, steps=steps)
     expected, count = sampled_by_hand(case, step, steps)
     np.testing.assert_allclose([float(x) for x in end_of(result)], expected, rtol=1e-8)
     assert count > 0 and float(result.state.loop.memory.onset_time) > 0
     if name in ("tracking", "eight-phase"):
-        coarse = rollout(sampled, sampled.at(jnp.asarray(SPEED, jnp.float32)), step=step, steps=steps)
+        coarse = rollout(sampled, sampled.initial_state(jnp.asarray(SPEED, jnp.float32)), step=step, steps=steps)
         assert end_of(coarse)[0].dtype == jnp.float32
         assert float(end_of(coarse)[0]) == pytest.approx(expected[0], rel=2e-3)
 
@@ -378,9 +378,9 @@ def test_a_loop_starts_where_it_is_told_to():
 
 def test_a_wheel_that_drops_again_is_released_again():
     signals = loop_of(BOSCH).signals(0.0, loop_of(BOSCH).braking(jnp.asarray(SPEED), TYRE.slip_at(-0.1), -30.0), 3)
-    guards = BOSCH.guards(signals, BOSCH.at(signals), 3)
+    guards = BOSCH.guards(signals, BOSCH.initial_state(signals), 3)
     assert [float(g) > 0 for g in guards] == [False, True, False]
-    assert int(BOSCH.switch(signals, BOSCH.at(signals), 3, 1)[1]) == 2
+    assert int(BOSCH.switch(signals, BOSCH.initial_state(signals), 3, 1)[1]) == 2
 
 
 def test_thresholds_out_of_order_are_refused():

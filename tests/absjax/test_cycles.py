@@ -139,7 +139,7 @@ def test_five_phase_cycle_by_rollout_against_repeated_cycles():
     assert int(cycle.status) == CycleStatus.FOUND and 0.1 < float(cycle.contraction) < 1
     assert float(cycle.offset) == pytest.approx(-12.6, abs=1e-8)
     loop = tuned_five_phase()
-    run = rollout(loop, loop.at(jnp.asarray(60 / 3.6)), step=1e-3, steps=5000, save_switches=True)
+    run = rollout(loop, loop.initial_state(jnp.asarray(60 / 3.6)), step=1e-3, steps=5000, save_switches=True)
     source, target = (np.asarray(loop.phase(x)) for x in (run.switches.source, run.switches.target))
     periods = np.diff(np.asarray(run.switches.time)[(target == 1) & (source != 1)])
     assert periods[-1] == pytest.approx(float(cycle.period), abs=1e-5)

@@ -280,7 +280,7 @@ def test_notch_against_scipy():
     # On an encoder with errors the measured speed is not quite constant; hold it to have a filter that is.
     measured = found.measured
     held = measured._replace(rotation=measured.rotation._replace(speed=jnp.full(SAMPLES, SPEED)))
-    notch, state, out = parts.acceleration, parts.acceleration.at(jnp.float64), []
+    notch, state, out = parts.acceleration, parts.acceleration.initial_state(jnp.float64), []
     step = jax.jit(notch.clean)
     for i in range(SAMPLES):
         state, value = step(state, jax.tree.map(lambda x, i=i: x[i], held), T)
@@ -304,12 +304,12 @@ def test_sample_by_sample_in_parts_and_in_lanes():
     lone = jax.tree.map(lambda x: x[1], edges)
     one, _ = estimate(parts, lone, T)
     jax.tree.map(lambda a, b: np.testing.assert_allclose(a[1], b, rtol=1e-9, atol=1e-9), many, one)
-    step, state, path = jax.jit(parts.absorb), parts.at(jnp.float64, jnp.float64), []
+    step, state, path = jax.jit(parts.absorb), parts.initial_state(jnp.float64, jnp.float64), []
     for k in range(300):
         state, now = step(state, Edges(lone.ages[k], lone.count[k]), T)
         path.append(now._replace(measured=now.measured._replace(weights=None)))
     jax.tree.map(lambda a, *b: np.testing.assert_allclose(a, np.stack(b), rtol=1e-9, atol=1e-9), one, *path)
-    start = jax.tree.map(lambda x: jnp.broadcast_to(x, (3, *x.shape)), parts.at(jnp.float64, jnp.float64))
+    start = jax.tree.map(lambda x: jnp.broadcast_to(x, (3, *x.shape)), parts.initial_state(jnp.float64, jnp.float64))
     head, tail = (jax.tree.map(lambda x, part=part: x[:, part], edges) for part in (slice(150), slice(150, None)))
     _, middle = estimate(parts, head, T, start=start)
     again, end = estimate(parts, tail, T, start=middle)

@@ -39,7 +39,7 @@ SPEED, ROLLING, STEPS = 30.0, 300, 800
 @pytest.fixture(scope="module")
 def stops():
     loop = SampledLoop(LOOP, EncoderSensor(ENCODERS, CHAIN, rolling=ROLLING))
-    return rollout(loop, loop.at(SPEED), step=T, steps=STEPS, save_every=1)
+    return rollout(loop, loop.initial_state(SPEED), step=T, steps=STEPS, save_every=1)
 
 
 @pytest.mark.parametrize("lane", [0, 1])
@@ -58,7 +58,7 @@ def test_the_loop_is_told_what_the_edges_tell(stops, lane):
         acceleration_offset=true.radius * found.acceleration[ROLLING:] - true.vehicle_acceleration,
     )
     phases, phase, controller = [0], 0, LOOP.controller
-    kept = controller.at(jax.tree.map(lambda x: np.asarray(x)[0], told))
+    kept = controller.initial_state(jax.tree.map(lambda x: np.asarray(x)[0], told))
     for k in range(1, STEPS + 1):
         now = jax.tree.map(lambda x, k=k: np.asarray(x)[k], told)
         for slot, guard in enumerate(controller.guards(now, kept, phase)):
@@ -73,7 +73,9 @@ def test_the_loop_is_told_what_the_edges_tell(stops, lane):
 
 def test_free_rolling_of_one_lane_against_many():
     encoder = jax.tree.map(lambda x: x[1] if np.ndim(x) else x, ENCODERS)
-    many, alone = (SampledLoop(LOOP, EncoderSensor(e, CHAIN, rolling=ROLLING)).at(SPEED) for e in (ENCODERS, encoder))
+    many, alone = (
+        SampledLoop(LOOP, EncoderSensor(e, CHAIN, rolling=ROLLING)).initial_state(SPEED) for e in (ENCODERS, encoder)
+    )
     for a, b in zip(jax.tree.leaves(many.sensor), jax.tree.leaves(alone.sensor)):
         np.testing.assert_allclose(a[1], b, rtol=1e-9, atol=1e-12)
     assert float(alone.sensor.chain.speed.begun) == 1.0
@@ -93,7 +95,7 @@ def test_errors_name_the_thing():
     with pytest.raises(
         ValueError, match=r"capacity = 2 edges between two samples; 3 are needed, 1.91 teeth pass at 200"
     ):
-        fast.at(60.0)
+        fast.initial_state(60.0)
 
 
 @model

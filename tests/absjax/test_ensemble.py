@@ -91,7 +91,9 @@ def test_lane_axes_follow_the_declared_number_of_axes():
 
 def test_recording_repeats_the_end_of_a_lane():
     loop = five_phase_loop(stop_speed=8.0)
-    result = rollout(loop, loop.at(jnp.asarray(10.0)), step=2e-3, steps=400, save_every=100, save_switches=True)
+    result = rollout(
+        loop, loop.initial_state(jnp.asarray(10.0)), step=2e-3, steps=400, save_every=100, save_switches=True
+    )
     path = result.trajectory
     assert 0.2 < float(result.time) < 0.8
     assert path.valid.tolist() == [t <= float(result.time) for t in (0.0, 0.2, 0.4, 0.6, 0.8)]

@@ -24,7 +24,12 @@ from tests.systems import (
 def run(parameters, step=2e-3, checkpoint=False, **brake):
     loop = five_phase_loop(parameters, **brake)
     return rollout(
-        loop, loop.at(jnp.asarray(SPEED)), step=step, steps=round(DURATION / step), max_events=60, checkpoint=checkpoint
+        loop,
+        loop.initial_state(jnp.asarray(SPEED)),
+        step=step,
+        steps=round(DURATION / step),
+        max_events=60,
+        checkpoint=checkpoint,
     )
 
 
@@ -83,7 +88,7 @@ def test_gradient_with_actuator_and_road_parameters_against_differences():
         loop = five_phase_loop(
             PARAMETERS, Burckhardt(p[0], p[1], p[2]), driver=Driver(p[5], p[6], p[7]), rate_limit=p[3], lag=p[4]
         )
-        result = rollout(loop, loop.at(p[8]), step=2e-3, steps=400, max_events=40)
+        result = rollout(loop, loop.initial_state(p[8]), step=2e-3, steps=400, max_events=40)
         return result.state.plant.speed
 
     p = jnp.array([1.2801, 23.99, 0.52, 750.0, 5e-3, 400.0, 0.013, 55.0, 20.0])
@@ -98,7 +103,7 @@ def test_scattered_roads_as_with_a_tenth_of_a_millisecond():
     scatter = 1 + 0.1 * np.random.default_rng(0).standard_normal((3, 256))
     tyre = Burckhardt(*(np.array([[1.2801], [23.99], [0.52]]) * scatter))
     loop = five_phase_loop(tyre=tyre, stop_speed=2.5)
-    start = loop.at(jnp.full(256, SPEED))
+    start = loop.initial_state(jnp.full(256, SPEED))
     coarse, fine = (rollout(loop, start, step=h, steps=round(DURATION / h)) for h in (2e-3, 1e-4))
     np.testing.assert_array_equal(coarse.events, fine.events)
     np.testing.assert_allclose(coarse.state.plant.distance, fine.state.plant.distance, rtol=0, atol=1e-5)
@@ -107,7 +112,7 @@ def test_scattered_roads_as_with_a_tenth_of_a_millisecond():
 
 def test_single_precision():
     single = jax.tree.map(lambda leaf: jnp.asarray(leaf, jnp.float32), five_phase_loop())
-    start = single.at(jnp.float32(SPEED))
+    start = single.initial_state(jnp.float32(SPEED))
     result = rollout(single, start, step=2e-3, steps=1250, max_events=60)
     assert result.time.dtype == result.state.plant.speed.dtype == jnp.float32
     assert abs(float(mean_deceleration_distance(result)) - TRUE_DISTANCE) < 3e-4

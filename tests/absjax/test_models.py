@@ -106,7 +106,7 @@ def test_rig_settles_where_brake_and_road_balance():
 )
 def test_brake_response_to_a_ramp(brake, response):
     system = Ramp(brake)
-    result = rollout(system, brake.at(0.0), step=1e-3, steps=400, save_every=10)
+    result = rollout(system, brake.initial_state(0.0), step=1e-3, steps=400, save_every=10)
     path = np.asarray(jax.vmap(brake.pressure)(result.trajectory.state))
     time = np.asarray(result.trajectory.time)
     if response is None:
@@ -173,7 +173,7 @@ def sampled_by_hand(loop, speed, step, steps, every, delay):
 def test_sampled_semantics_against_a_plain_loop(every, delay):
     loop = five_phase_loop(PARAMETERS)
     sampled = SampledLoop(loop, tick_every=every, delay=delay)
-    result = rollout(sampled, sampled.at(jnp.asarray(20.0)), step=1e-3, steps=700)
+    result = rollout(sampled, sampled.initial_state(jnp.asarray(20.0)), step=1e-3, steps=700)
     v, w, s, pressure, mode, switchings = sampled_by_hand(loop, 20.0, 1e-3, 700, every, delay)
     plant = result.state.loop.plant
     np.testing.assert_allclose([plant.speed, plant.wheel_speed, plant.distance], [v, w, s], rtol=1e-9)

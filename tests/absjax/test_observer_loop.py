@@ -40,7 +40,7 @@ def signals_of(loop, trajectory):
 def test_two_phase_approaches_its_target_exponentially():
     """At constant speed the model is the simplified one: z1' = -(kp/v) (z1 - z1*), Aguado-Rojas 2019, section 4.2."""
     loop = ClosedLoop(dataclasses.replace(RIG, speed=12.0), Brake(), TwoPhase(wheel=WHEEL), driver=FreeRamp())
-    start, apply = loop.at(jnp.asarray(12.0)), TwoPhase.phases.index("apply")
+    start, apply = loop.initial_state(jnp.asarray(12.0)), TwoPhase.phases.index("apply")
     result = rollout(loop, start, apply, step=5e-4, steps=1200, save_every=1, save_switches=True)
     count = int(result.events)
     assert count >= 6
@@ -60,7 +60,9 @@ def test_two_phase_approaches_its_target_exponentially():
 def test_tracking_follows_the_cubic():
     tracking = AccelerationTracking(eps2=33.0, eps5=25.0, wheel=WHEEL)
     loop = ClosedLoop(RIG, Brake(), tracking)
-    result = rollout(loop, loop.at(jnp.asarray(20.0)), step=5e-4, steps=1600, save_every=1, save_switches=True)
+    result = rollout(
+        loop, loop.initial_state(jnp.asarray(20.0)), step=5e-4, steps=1600, save_every=1, save_switches=True
+    )
     path, checked = result.trajectory, set()
     y, entry = signals_of(loop, path).acceleration_offset, path.state.controller
     goals = {1: 30.0, 3: 20.0, 4: -20.0}
@@ -79,7 +81,7 @@ def test_tracking_follows_the_cubic():
 @pytest.mark.parametrize("observer, tolerance", [(FOUR, 2e-3), (ADAPTIVE, 2e-3)], ids=["4 states", "adaptive"])
 def test_located_observer_against_the_same_offline(observer, tolerance):
     loop = ClosedLoop(CAR, BRAKE, AccelerationTracking(eps5=25.0, wheel=WHEEL), observer=observer)
-    result = rollout(loop, loop.at(jnp.asarray(20.0)), step=2.5e-4, steps=3200, save_every=1)
+    result = rollout(loop, loop.initial_state(jnp.asarray(20.0)), step=2.5e-4, steps=3200, save_every=1)
     told = signals_of(loop, result.trajectory)
     offline = observe(observer, Sample.of(told), 2.5e-4, substeps=1).raise_if_failed()
     scale = np.abs(told.stiffness).max()
@@ -92,7 +94,7 @@ def test_located_observer_against_the_same_offline(observer, tolerance):
 def test_sampled_observer_is_the_offline_one():
     loop = ClosedLoop(CAR, BRAKE, AccelerationTracking(eps5=25.0, wheel=WHEEL), observer=FOUR)
     sampled = SampledLoop(loop, tick_every=2, substeps=3)
-    result = rollout(sampled, sampled.at(jnp.asarray(20.0)), step=5e-4, steps=1000, save_every=2)
+    result = rollout(sampled, sampled.initial_state(jnp.asarray(20.0)), step=5e-4, steps=1000, save_every=2)
     path = result.trajectory
     measured = jax.vmap(loop.measured)(path.time, path.state.loop, path.mode)
     offline = observe(FOUR, Sample.of(measured), 1e-3, substeps=3)
@@ -105,10 +107,10 @@ def test_gain_sets_as_lanes_against_single_runs():
     factors = jnp.array([60.0, 100.0])
     lanes = jax.vmap(lambda b: SwitchedObserver.placed(unknown_road(WHEEL), [(2 * b, b**2)] * 2))(factors)
     loop = ClosedLoop(CAR, BRAKE, AccelerationTracking(eps5=25.0, wheel=WHEEL), observer=lanes)
-    together = rollout(loop, loop.at(jnp.asarray([20.0, 20.0])), step=1e-3, steps=400)
+    together = rollout(loop, loop.initial_state(jnp.asarray([20.0, 20.0])), step=1e-3, steps=400)
     for i in range(2):
         alone = dataclasses.replace(loop, observer=jax.tree.map(lambda x, i=i: x[i], lanes))
-        single = rollout(alone, alone.at(jnp.asarray(20.0)), step=1e-3, steps=400)
+        single = rollout(alone, alone.initial_state(jnp.asarray(20.0)), step=1e-3, steps=400)
         np.testing.assert_allclose(together.state.observer[1][i], single.state.observer[1], rtol=1e-9)
         assert int(together.events[i]) == int(single.events)
 
@@ -120,7 +122,7 @@ def test_gradient_through_observer_and_controller_against_differences(sampled):
         tracking = AccelerationTracking(eps1=x[2], eps5=25.0, wheel=WHEEL, gain=x[3])
         loop = ClosedLoop(CAR, BRAKE, tracking, observer=observer)
         loop, step = (SampledLoop(loop), 1e-3) if sampled else (loop, 5e-4)
-        state = rollout(loop, loop.at(jnp.asarray(20.0)), step=step, steps=round(0.45 / step)).state
+        state = rollout(loop, loop.initial_state(jnp.asarray(20.0)), step=step, steps=round(0.45 / step)).state
         return (state.loop if sampled else state).plant.wheel_speed
 
     x = jnp.array([60.0, 70.0, 30.0, 100.0])
@@ -135,7 +137,7 @@ def test_gradient_through_observer_and_controller_against_differences(sampled):
 def test_single_precision_in_the_loop():
     loop, ends = ClosedLoop(CAR, BRAKE, AccelerationTracking(eps5=25.0, wheel=WHEEL), observer=FOUR), []
     for dtype in (jnp.float32, jnp.float64):
-        start = jax.tree.map(lambda x, t=dtype: jnp.asarray(x, t), loop.at(jnp.asarray(20.0, dtype)))
+        start = jax.tree.map(lambda x, t=dtype: jnp.asarray(x, t), loop.initial_state(jnp.asarray(20.0, dtype)))
         ends.append(rollout(loop, start, step=1e-3, steps=400))
     assert ends[0].state.observer[1].dtype == jnp.float32
     np.testing.assert_allclose(ends[0].state.plant.speed, ends[1].state.plant.speed, rtol=1e-4)
@@ -146,7 +148,7 @@ def test_pressure_leaves_its_limit_when_asked_to():
     """On snow the two-phase controller asks for less than no pressure, and later for more again."""
     rig = TestRig(WHEEL, UniformRoad(surface("snow")), 15.0, -1.96)
     loop = ClosedLoop(rig, BRAKE, TwoPhase(wheel=WHEEL, zref=40.0, chi_a=-0.03, chi_b=5.0))
-    start, apply = loop.at(jnp.asarray(15.0)), TwoPhase.phases.index("apply")
+    start, apply = loop.initial_state(jnp.asarray(15.0)), TwoPhase.phases.index("apply")
     result = rollout(loop, start, apply, step=1e-3, steps=800, save_every=1, save_switches=True)
     source, target = (np.asarray(x)[: int(result.events)] for x in (result.switches.source, result.switches.target))
     commanded = np.asarray(result.trajectory.state.brake.commanded)

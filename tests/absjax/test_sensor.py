@@ -14,7 +14,7 @@ def signals(x2=-20.0, ax=-8.0, time=0.1):
 
 
 def measured(sensor, of):
-    return sensor.measure(of, sensor.at(of)[1])[0]
+    return sensor.measure(of, sensor.begin(of)[1])[0]
 
 
 def test_noise_is_white_normal_and_reproducible():

@@ -50,7 +50,9 @@ def runner(dtype, *, lanes=LANES, sampled=False, steps=STEPS, stop_speed=2.5, ch
     def run(parameters):
         loop = five_phase_loop(parameters, tyre, stop_speed)
         system = SampledLoop(loop) if sampled else loop
-        return rollout(system, system.at(speed), step=STEP, steps=steps, max_events=200, checkpoint=checkpoint)
+        return rollout(
+            system, system.initial_state(speed), step=STEP, steps=steps, max_events=200, checkpoint=checkpoint
+        )
 
     return run
 

@@ -131,7 +131,7 @@ def simulate(
     loop = ClosedLoop(plant, Brake(), controller)
     steps = round(duration / period)
     start = controller.phases.index("apply") if excitation == "two_phase" else 0
-    state = loop.at(jnp.asarray(speed))
+    state = loop.initial_state(jnp.asarray(speed))
     result = rollout(loop, state, start, step=period, steps=steps, save_every=1, max_events=3000)
     result.raise_if_failed()
     samples, stiffness, slip = jax.tree.map(np.asarray, _signals(loop, result.path))

@@ -78,7 +78,7 @@ def drive(label: str, loop: ClosedLoop, step: float = STEP) -> Ride:
     """
     result = rollout(
         loop,
-        loop.at(jnp.asarray(SPEED)),
+        loop.initial_state(jnp.asarray(SPEED)),
         step=step,
         steps=round(DURATION / step),
         max_events=800,
@@ -116,7 +116,9 @@ def summary(ride: Ride) -> dict[str, Any]:
 
 def share_locked(loop: ClosedLoop) -> float:
     """Share of the lanes of an ensemble whose wheel locks above 15 km/h."""
-    result = rollout(loop, loop.at(jnp.asarray(SPEED)), step=STEP, steps=round(DURATION / STEP), max_events=800)
+    result = rollout(
+        loop, loop.initial_state(jnp.asarray(SPEED)), step=STEP, steps=round(DURATION / STEP), max_events=800
+    )
     return float(np.mean(np.asarray(loop.locks(result.time, result.state, result.mode).time[0]) > 0))
 
 
