@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tuning.core.command import Force, Out, Resume, carry_out, configuration, journal_path, say
+from tuning.core.command import Force, Out, Resume, carry_out, journal_path, say, tune, tuned
 from tuning.core.terminal import bar, clear_errors, console, print_report
 
 
@@ -21,37 +21,41 @@ def tune_abs(
 ) -> None:
     """An anti-lock controller, for a batch of roads and speeds, with its limit cycles: result.json and figures."""
 
-    def work():
+    def load():
         from tuning.controllers.config import TuningConfig
         from tuning.controllers.setup import Setup
 
         if config is None and not resume:
             raise ValueError("--config: a configuration is needed, {} for the defaults; or --resume")
-        wanted = TuningConfig.from_json(configuration(config, out, resume=resume))
-        Setup.of(wanted).box()
-        return (config,), lambda: tuned(wanted, out, "tuned thresholds", resume=resume)
 
-    carry_out(out, work, source=config, force=force, resume=resume)
+        def prepare(wanted):
+            Setup.of(wanted).box()
+            return run_of(wanted, out, "tuned thresholds")
+
+        return TuningConfig, prepare
+
+    tune("tune-abs", out, config, load, resume=resume, force=force)
 
 
-def tuned(config, out: Path, title: str, *, resume: bool = False) -> Any:
-    """Report of a controller tuned as a configuration says."""
-    from tuning.controllers.figures import tuning_figures
-    from tuning.controllers.report import cycles_line, parameter_line, tuning_rows
-    from tuning.controllers.tune import tune_abs
-    from tuning.core.files import write_json
-    from tuning.core.journal import Journal
-    from tuning.core.report import Report
+def run_of(config, out: Path, title: str) -> Any:
+    """What tunes a controller as a configuration says, and reports."""
 
-    journal = Journal(journal_path(out), {"command": "tune-abs", "config": config.to_json()}, resume=resume)
-    with bar(f"{title}: {config.iterations} iterations, {config.starts} starts") as progress:
+    def run(progress, journal):
+        from tuning.controllers.figures import tuning_figures
+        from tuning.controllers.report import cycles_line, parameter_line, tuning_rows
+        from tuning.controllers.tune import tune_abs
+        from tuning.core.files import write_json
+        from tuning.core.report import Report
+
         result = tune_abs(config, progress=progress, journal=journal)
-    lines = [parameter_line(result), cycles_line(result)]
-    lines += ["* on its limit"] if result.on_limit else []
-    lines += [f"warning: {warning}" for warning in result.warnings]
-    files = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
-    tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}
-    return Report(tables, lines, files, result.interrupted)
+        lines = [parameter_line(result), cycles_line(result)]
+        lines += ["* on its limit"] if result.on_limit else []
+        lines += [f"warning: {warning}" for warning in result.warnings]
+        files = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
+        tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}
+        return Report(tables, lines, files, result.interrupted)
+
+    return run
 
 
 def abs_sets(
@@ -80,8 +84,9 @@ def _sets(wanted: list[str], out: Path, resume: bool) -> Any:
     from tuning.core.report import Report
 
     for name in wanted:
-        goes_on = resume and journal_path(out / name).exists()
-        print_report(tuned(recipes()[name], out / name, name.replace("_", " "), resume=goes_on))
+        config, folder = recipes()[name], out / name
+        goes_on = resume and journal_path(folder).exists()
+        print_report(tuned("tune-abs", config, folder, run_of(config, folder, name.replace("_", " ")), resume=goes_on))
     found = [(name, load_result(out / name / "result.json")) for name in wanted]
     return Report({}, [], [write_sets(found, out / "controllers.json")])
 
@@ -116,7 +121,8 @@ def demo(out: Out = Path("demo"), force: Force = False) -> None:
             console.rule("1  the road from a brake log")
             print_report(identified(data / "stop_dry_wet.csv", out / "identify", car=data / "stop_dry_wet.json"))
         console.rule("2  thresholds under a given pedal: 400 bar/s; brake 750 bar/s, 5 ms; thresholds >= 10 m/s²")
-        print_report(tuned(limited(), out / "tuned", "five phases, from the default set"))
+        run = run_of(limited(), out / "tuned", "five phases, from the default set")
+        print_report(tuned("tune-abs", limited(), out / "tuned", run))
         console.rule("3  what each limit costs")
         with bar("tuned under one limit at a time") as progress:
             rows = limit_costs(load_result(out / "tuned" / "result.json"), progress)

@@ -6,15 +6,17 @@ from typing import Annotated, Any
 
 import typer
 
-from tuning.core.terminal import clear_errors, print_report, print_study, say
+from tuning.core.terminal import bar, clear_errors, print_report, print_study, say
 
-__all__ = ["Force", "Out", "Resume", "carry_out", "configuration", "journal_path", "say"]
+__all__ = ["Force", "Out", "Resume", "carry_out", "configuration", "journal_path", "say", "tune", "tuned"]
 
 Out = Annotated[Path, typer.Option("--out", help="Folder for results and figures; made if missing.")]
 Force = Annotated[bool, typer.Option("--force", help="Write into a folder that holds another run.")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with the run in the folder, to the identical result.")]
 Work = Callable[[], tuple[Sequence[Path | None], Callable[[], Any]]]
 """Says which files it reads, and gives what makes a report, or reports as they come."""
+Run = Callable[[Any, Any], Any]
+"""Makes a report, from where to tell of its progress and the journal it keeps."""
 
 
 def carry_out(out: Path, work: Work, *, source: Path | None = None, force: bool = False, resume: bool = False) -> None:
@@ -33,6 +35,54 @@ def carry_out(out: Path, work: Work, *, source: Path | None = None, force: bool 
             print_study(found, out)
         else:
             print_report(found)
+
+
+def tune(
+    command: str,
+    out: Path,
+    path: Path | None,
+    load: Callable[[], tuple[Any, Callable[[Any], Run]]],
+    *,
+    changes: dict[str, Any] | None = None,
+    inputs: dict[str, Path | None] | None = None,
+    resume: bool = False,
+    force: bool = False,
+) -> None:
+    """Do the work of a command that tunes.
+
+    Args:
+        command: its name.
+        path: of the configuration.
+        load: gives the class of the configuration, and what prepares a run of one; imports what they need.
+        changes: entries of the command line that override those of the file.
+        inputs: further files the run is of, by name.
+    """
+
+    def work():
+        kind, prepare = load()
+        data = configuration(path, out, resume=resume)
+        if changes and isinstance(data, dict):
+            data = {**data, **changes}
+        wanted = kind.from_json(data)
+        run, about = (
+            prepare(wanted),
+            {name: None if file is None else str(file) for name, file in (inputs or {}).items()},
+        )
+        return (path, *(inputs or {}).values()), lambda: tuned(command, wanted, out, run, about=about, resume=resume)
+
+    carry_out(out, work, source=path, force=force, resume=resume)
+
+
+def tuned(
+    command: str, wanted: Any, out: Path, run: Run, *, about: dict[str, Any] | None = None, resume: bool = False
+) -> Any:
+    """Report of a run of a configuration, with its journal in the folder and its progress on the terminal."""
+    from tuning.core.journal import Journal
+
+    identity = {"command": command, "config": wanted.to_json(), **(about or {})}
+    journal = Journal(journal_path(out), identity, resume=resume)
+    with bar(f"{command}: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
+        return run(progress, journal)
 
 
 def journal_path(out: Path) -> Path:

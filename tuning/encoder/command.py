@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tuning.core.command import Force, Out, Resume, carry_out, configuration, journal_path
-from tuning.core.terminal import bar
+from tuning.core.command import Force, Out, Resume, carry_out, tune
 
 
 def encoder(
@@ -44,22 +43,13 @@ def tune_encoder(
 ) -> None:
     """The compensation of encoder errors, on simulated encoders: result.json and figures."""
 
-    def work():
-        from tuning.core.journal import Journal
+    def load():
+        from tuning.encoder import tasks
         from tuning.encoder.config import EncoderConfig
-        from tuning.encoder.tasks import tune
 
-        wanted = EncoderConfig.from_json(configuration(config, out, resume=resume))
-        identity = {"command": "tune-encoder", "config": wanted.to_json()}
+        return EncoderConfig, lambda wanted: lambda progress, journal: tasks.tune(wanted, out, progress, journal)
 
-        def run():
-            journal = Journal(journal_path(out), identity, resume=resume)
-            with bar(f"encoder chain: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
-                return tune(wanted, out, progress, journal)
-
-        return (config,), run
-
-    carry_out(out, work, source=config, force=force, resume=resume)
+    tune("tune-encoder", out, config, load, resume=resume, force=force)
 
 
 def encoder_study(

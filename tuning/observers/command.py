@@ -5,8 +5,7 @@ from typing import Annotated
 
 import typer
 
-from tuning.core.command import Force, Out, Resume, carry_out, configuration, journal_path
-from tuning.core.terminal import bar
+from tuning.core.command import Force, Out, Resume, carry_out, tune
 
 
 def tune_observer(
@@ -32,27 +31,20 @@ def tune_observer(
 ) -> None:
     """Gains of an observer of XBS with their certificate: result.json and figures."""
 
-    def work():
-        from tuning.core.journal import Journal
+    def load():
+        from tuning.observers import tasks
         from tuning.observers.config import ObserverConfig
-        from tuning.observers.tasks import log_bench_of, tune, tune_on_log
 
-        data = configuration(config, out, resume=resume)
-        if observer is not None and isinstance(data, dict):
-            data = {**data, "observer": observer}
-        wanted = ObserverConfig.from_json(data)
-        identity = {"command": "tune-observer", "config": wanted.to_json(), "log": None if log is None else str(log)}
+        def prepare(wanted):
+            if log is None:
+                return lambda progress, journal: tasks.tune(wanted, out, progress, journal)
+            task = tasks.log_bench_of(wanted, log, columns, car)
+            return lambda progress, journal: tasks.tune_on_log(task, out, progress, journal)
 
-        def run():
-            with bar(f"{wanted.observer} observer: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
-                if log is None:
-                    return tune(wanted, out, progress, Journal(journal_path(out), identity, resume=resume))
-                task = log_bench_of(wanted, log, columns, car)
-                return tune_on_log(task, out, progress, Journal(journal_path(out), identity, resume=resume))
+        return ObserverConfig, prepare
 
-        return (config, log, car), run
-
-    carry_out(out, work, source=config, force=force, resume=resume)
+    changes, inputs = {} if observer is None else {"observer": observer}, {"log": log, "car": car}
+    tune("tune-observer", out, config, load, changes=changes, inputs=inputs, resume=resume, force=force)
 
 
 def observer_study(out: Out, force: Force = False) -> None:
