@@ -44,6 +44,15 @@ def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):
     assert following.start == result["parameters"] and following.observer == "constant"
     assert configuration(None) == {} and configuration(tmp_path / "config.json") == config
 
+    # As kill -9 leaves it at a third: the journal cut short in the middle of a record, and nothing else.
+    whole, cut = tmp_path / "a" / "journal", tmp_path / "b" / "journal"
+    cut.parent.mkdir()
+    cut.write_bytes(whole.read_bytes()[: whole.stat().st_size // 3])
+    done = run("tune-observer", *log, "--out", tmp_path / "b", "--resume")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert json.loads((tmp_path / "b" / "result.json").read_text()) == result
+    assert cut.read_bytes() == whole.read_bytes()
+
 
 def test_encoder_takes_a_log(tmp_path):
     done = run("encoder", DATA / "encoder_edges.csv", "--out", tmp_path, "--harmonics", "5")
