@@ -38,6 +38,7 @@ from absjax.sensors.noisy import NoisySensor
 from absjax.tyres.burckhardt import Burckhardt
 from absjax.tyres.exponential_basis import ExponentialBasis, fit_exponential_basis
 from absjax.tyres.surfaces import SURFACES, surface
+from absjax.vectors import prefer_wide_vectors
 
 __all__ = [
     "FINISHED",
@@ -94,6 +95,7 @@ __all__ = [
     "ideal_distance",
     "known_road",
     "observe",
+    "prefer_wide_vectors",
     "rollout",
     "stop",
     "surface",

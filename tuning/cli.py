@@ -31,13 +31,22 @@ for _name, _command in COMMANDS.items():
 
 @app.callback()
 def _setup() -> None:
-    """Double precision, every core a device, figures without a screen, and components of the folder one is in."""
+    """Double precision, every core a device, wide vectors, figures without a screen, compiled programs kept, and
+    components of the folder one is in."""
     import jax
     import matplotlib
 
+    from absjax.vectors import prefer_wide_vectors
+
+    prefer_wide_vectors()
     matplotlib.use("Agg")
     jax.config.update("jax_enable_x64", True)
     with contextlib.suppress(RuntimeError):
         jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
+    from tuning.core.compilation import keep_compiled, tell_of_compilations
+    from tuning.core.terminal import say
+
+    keep_compiled()
+    tell_of_compilations(say)
     if os.getcwd() not in sys.path:
         sys.path.append(os.getcwd())

@@ -98,7 +98,7 @@ def test_sampled_observer_is_the_offline_one():
     path = result.trajectory
     measured = jax.vmap(loop.measured)(path.time, path.state.loop, path.mode)
     offline = observe(FOUR, Sample.of(measured), 1e-3, substeps=3)
-    estimates = np.asarray(jax.vmap(loop.told)(measured, path.state.loop).stiffness)
+    estimates = np.asarray(jax.vmap(loop.with_estimate)(measured, path.state.loop).stiffness)
     np.testing.assert_allclose(estimates, offline.stiffness, rtol=1e-8, atol=1e-8)
     assert int(result.state.loop.memory.cycles) >= 1
 

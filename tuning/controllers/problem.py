@@ -75,14 +75,18 @@ def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objectiv
         batch = batch.of(members)
 
     def total(points):
-        parameters = box.values(points)
-        costs = objective.costs(batch.losses(batch.stops(parameters)), smooth=True)
-        if rigs is not None:
-            largest, step = limits
-            costs = costs + charges(rigs, parameters, step, largest)
+        costs = objective.costs(batch.losses(batch.stops(box.values(points))), smooth=True)
         return costs.sum(), costs
 
-    (_, costs), gradients = jax.value_and_grad(total, has_aux=True)(jnp.asarray(points))
+    points = jnp.asarray(points)
+    (_, costs), gradients = jax.value_and_grad(total, has_aux=True)(points)
+    if rigs is not None:
+        largest, step = limits
+        # Forward mode: the contraction is a second derivative, and its transpose takes twice as long to compile.
+        charged, push = jax.linearize(lambda x: charges(rigs, box.values(x), step, largest), points)
+        # Sets do not know of each other, so one direction serves them all.
+        columns = jax.vmap(lambda e: push(jnp.broadcast_to(e, points.shape)))(jnp.eye(points.shape[1]))
+        costs, gradients = costs + charged, gradients + columns.T
     return costs, gradients
 
 

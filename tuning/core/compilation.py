@@ -1,0 +1,40 @@
+"""Compiled programs kept on disk, shared by the command line, developers and tests; and told of while they are made."""
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import jax
+
+FOLDER = "JAX_COMPILATION_CACHE_DIR"
+"""Environment variable that names another folder than the usual one."""
+WORTH_KEEPING = 0.3
+"""Shortest compilation that is kept, s."""
+LONG = 1.0
+"""Tracing after which a user is told that something is compiled, s."""
+
+
+def keep_compiled() -> Path:
+    """Keep compiled programs in one folder for all later runs on this machine: `~/.cache/absjax` unless told otherwise.
+
+    Returns:
+        The folder.
+    """
+    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    folder = Path(os.environ.get(FOLDER) or base / "absjax")
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", WORTH_KEEPING)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    return folder
+
+
+def tell_of_compilations(say: Callable[[str], None]) -> None:
+    """Say once that programs are compiled, before the first that takes long."""
+    told: list[str] = []
+
+    def heard(event: str, duration_secs: float, **_: str | int) -> None:
+        if event == "/jax/core/compile/jaxpr_trace_duration" and duration_secs > LONG and not told:
+            told.append(event)
+            say("  compiling; the programs are kept for the next run ...")
+
+    jax.monitoring.register_event_duration_secs_listener(heard)
