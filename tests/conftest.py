@@ -1,20 +1,15 @@
-"""Double precision for the whole suite, two CPU devices, so that sharing out over devices is tested, compiled programs
-kept from run to run, and the order of the files, which processes share out among them."""
-
-import os
+"""Double precision for the whole suite, two CPU devices, so that sharing out over devices is tested, and the order of
+the files, which processes share out among them."""
 
 import jax
 
-from tuning.core.compilation import FOLDER, keep_compiled
-
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_num_cpu_devices", 2)
-# Notebooks and commands, which are processes of their own, keep theirs in the same folder.
-os.environ[FOLDER] = str(keep_compiled())
 
 LONGEST = (
     "test_notebooks.py",
     "test_foreign_components.py",
+    "test_docs.py",
     "test_observers.py",
     "test_cli.py",
     "test_abs_study.py",
