@@ -1,24 +1,44 @@
-"""Double precision for the whole suite, two CPU devices, so that sharing out over devices is tested, and the order of
-the files, which processes share out among them."""
+"""Double precision for the whole suite, two CPU devices, so that sharing out over devices is tested; programs kept on
+disk for the next run; and the order of the files, which processes share out among them."""
+
+import os
 
 import jax
+import pytest
+
+from tuning.core import compilation
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_num_cpu_devices", 2)
+os.environ[compilation.FOLDER] = str(compilation.keep_compiled())
+
+# A sixth of the time of compilation, for programs that run at two thirds of their speed. The flag is read as the
+# backend starts; what the tests start themselves, command line and notebooks, compile as users do.
+with pytest.MonkeyPatch.context() as patch:
+    patch.setenv("XLA_FLAGS", f"{os.environ.get('XLA_FLAGS', '')} --xla_cpu_use_fusion_emitters=false")
+    jax.devices()
 
 LONGEST = (
     "test_notebooks.py",
     "test_foreign_components.py",
     "test_docs.py",
     "test_observers.py",
-    "test_cli.py",
     "test_abs_study.py",
     "test_cycles.py",
     "test_tune_abs.py",
     "test_controllers.py",
+    "test_encoder.py",
+    "test_observer_loop.py",
 )
 
 
 def pytest_collection_modifyitems(items):
     """The longest files first, so that no process waits for another at the end."""
     items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def programs_of_one_file():
+    """A process cannot map the programs of the whole suite at once: it ends where they number some thousands."""
+    yield
+    jax.clear_caches()

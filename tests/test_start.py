@@ -35,7 +35,6 @@ def test_vectors_are_as_wide_as_the_processor_has_them(cpu, before, wide, after,
 PROGRAM = """
 import jax, jax.numpy as jnp
 from tuning.core import compilation
-compilation.WORTH_KEEPING = 0.0
 compilation.keep_compiled()
 hits = []
 jax.monitoring.register_event_listener(lambda event, **_: hits.append(event) if event.endswith("cache_hits") else None)

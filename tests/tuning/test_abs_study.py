@@ -11,7 +11,7 @@ from absjax.loop.stop import Outcome
 from absjax.parameters import trainable_names
 from tuning.controllers.batch import batch_of
 from tuning.controllers.config import TuningConfig
-from tuning.controllers.cycles import CONTRACTION_CHARGE, CycleRow, certify_cycles, exact_charges
+from tuning.controllers.cycles import CONTRACTION_CHARGE, NO_CYCLE_CHARGE, CycleRow, certify_cycles, exact_charges
 from tuning.controllers.recipes import published_sets, recipes, tuned_sets
 from tuning.controllers.rows import Row
 from tuning.controllers.settings import CHAIN, COARSE, LOCATED, SAMPLED
@@ -133,13 +133,12 @@ def test_limit_cycles_of_the_shipped_five_phase_set():
     rows = certify_cycles(Setup.of(config), config.start)
     assert [(row.road, row.speed_kmh) for row in rows[:2]] == [("dry_asphalt", 60.0), ("dry_asphalt", 180.0)]
     assert rows[1].certified and rows[3].certified and not any(row.certified and row.contraction >= 1 for row in rows)
-    limited = dataclasses.replace(
-        config, largest_contraction=0.5 * rows[1].contraction, roads=("dry_asphalt",), cycle_speeds_kmh=(180.0,)
-    )
+    limited = dataclasses.replace(config, largest_contraction=0.5 * rows[1].contraction)
     names, sets = ("eps1", "eps5"), np.array([[config.start["eps1"], config.start["eps5"]], [90.0, 60.0]])
-    charged = exact_charges(Setup.of(limited), names, sets[:1])
-    expected = CONTRACTION_CHARGE * (rows[1].contraction - limited.largest_contraction)
-    assert charged[0] == pytest.approx(expected, rel=1e-6) and expected > 0
+    charged = exact_charges(Setup.of(limited), names, sets)
+    excess = [row.contraction and max(row.contraction - limited.largest_contraction, 0.0) for row in rows]
+    expected = sum(NO_CYCLE_CHARGE if each is None else CONTRACTION_CHARGE * each for each in excess)
+    assert charged[0] == pytest.approx(expected, rel=1e-6) and expected > 0 and charged[1] != charged[0]
 
 
 def test_a_certificate_needs_the_observer_too():

@@ -6,8 +6,10 @@ import sys
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 import tuning
+from tuning.cli import app
 from tuning.core.command import configuration
 from tuning.observers.config import ObserverConfig
 
@@ -80,7 +82,12 @@ def test_encoder_takes_a_log(tmp_path):
 )
 def test_errors_are_a_line_and_an_exit_status(arguments, message, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    done = run(*arguments)
-    assert done.returncode == 2
-    assert message in done.stdout.replace("\n", " ") and "Traceback" not in done.stdout + done.stderr
+    done = CliRunner().invoke(app, list(map(str, arguments)))
+    assert (done.exit_code, type(done.exception)) == (2, SystemExit)
+    assert message in done.output.replace("\n", " ") and "Traceback" not in done.output
     assert not (tmp_path / "x").exists()
+
+
+def test_an_error_of_the_process(tmp_path):
+    done = run("identify", "nothing.csv", "--out", tmp_path / "x")
+    assert done.returncode == 2 and "nothing.csv: no such file" in done.stdout and "Traceback" not in done.stderr

@@ -1,5 +1,7 @@
 """The fit every tuner shares, on problems whose least is known: descents, objectives, evolution, the journal."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -25,6 +27,23 @@ def bowl(points):
     return jnp.log(values["size"] / 2.0) ** 2 + (values["shift"] + 0.5) ** 2
 
 
+def losses_around(centres, points):
+    return jnp.stack([bowl(points + centre) for centre in centres])
+
+
+@partial(jax.jit, static_argnames="objective")
+def judged(centres, points, objective):
+    return objective.costs(losses_around(centres, points))
+
+
+@partial(jax.jit, static_argnames="objective")
+def descended(centres, points, objective):
+    def cost(x):
+        return objective.costs(losses_around(centres, x), smooth=True)
+
+    return cost(points), jax.grad(lambda x: cost(x).sum())(points)
+
+
 class Bowls(Problem):
     """Bowls around scattered centres: losses (members, sets)."""
 
@@ -38,20 +57,16 @@ class Bowls(Problem):
         self.asked = 0
 
     def losses(self, points, members=None):
-        centres = self.centres if members is None else self.centres[members]
-        return jnp.stack([bowl(points + centre) for centre in centres])
+        return losses_around(self.centres if members is None else self.centres[members], points)
 
     def costs_and_gradients(self, points, members):
         self.asked += 1
-
-        def cost(x):
-            return self.objective.costs(self.losses(x, members), smooth=True)
-
-        return cost(jnp.asarray(points)), jax.grad(lambda x: cost(x).sum())(jnp.asarray(points))
+        centres = self.centres if members is None else self.centres[members]
+        return descended(centres, points, self.objective)
 
     def judge(self, points):
         self.asked += 1
-        return np.asarray(self.objective.costs(self.losses(points)))
+        return np.asarray(judged(self.centres, points, self.objective))
 
 
 def test_values_and_points_are_each_others_inverse():

@@ -2,7 +2,8 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -10,7 +11,7 @@ import numpy as np
 
 from absjax.lanes import lane_count
 from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.limit_cycle import CycleStatus, LimitCycle, limit_cycle
+from absjax.loop.limit_cycle import CycleStatus, limit_cycle
 from tuning.controllers.batch import every_set_on_every_row
 from tuning.controllers.setup import Setup
 from tuning.core.problem import in_chunks
@@ -57,20 +58,46 @@ def rig_loops(setup: Setup) -> ClosedLoop:
 def charges(loops: ClosedLoop, parameters: Mapping[str, Any], step: float, largest: float):
     """What sets are charged for contractions above the largest allowed, (sets,); parameters are (sets,).
     Differentiable."""
-    rows = lane_count(loops.plant, "rigs") or 1
-    cycle = limit_cycle(every_set_on_every_row(loops, parameters, rows), step=step)
-    found = cycle.status == CycleStatus.FOUND
-    excess = jnp.maximum(jnp.where(found, cycle.contraction, 0.0) - largest, 0.0)
-    return (CONTRACTION_CHARGE * excess + NO_CYCLE_CHARGE * ~found).reshape(rows, -1).sum(axis=0)
+    cycle = _cycles(loops, parameters, step)
+    return _charged(cycle.status == CycleStatus.FOUND, cycle.contraction, largest).sum(axis=0)
 
 
-_charges = jax.jit(charges, static_argnames="step")
+def _charged(found, contraction, largest: float):
+    excess = jnp.maximum(jnp.where(found, contraction, 0.0) - largest, 0.0)
+    return CONTRACTION_CHARGE * excess + NO_CYCLE_CHARGE * ~found
+
+
+class _Cycles(NamedTuple):
+    """Limit cycles of sets on rigs, (rigs, sets)."""
+
+    status: Any
+    period: Any
+    contraction: Any
+
+
+@partial(jax.jit, static_argnames="step")
+def _cycles(loops: ClosedLoop, parameters: Mapping[str, Any], step: float) -> _Cycles:
+    rigs = lane_count(loops.plant, "rigs") or 1
+    cycle = limit_cycle(every_set_on_every_row(loops, parameters, rigs), step=step)
+    return _Cycles(*(x.reshape(rigs, -1) for x in (cycle.status, cycle.period, cycle.contraction)))
+
+
+def _exact_cycles(setup: Setup, names: tuple[str, ...], sets: np.ndarray) -> _Cycles:
+    """Of sets (sets, parameters), in chunks of one program for tuning and certificate; what is not named is as at
+    the start."""
+    given = np.tile([setup.initial[name] for name in setup.initial], (len(sets), 1))
+    given[:, [list(setup.initial).index(name) for name in names]] = sets
+    loops = rig_loops(setup)
+    return in_chunks(
+        lambda chunk: _cycles(loops, dict(zip(setup.initial, chunk.T)), setup.kind.grid_step), given, CHUNK, axis=-1
+    )
 
 
 def exact_charges(setup: Setup, names: tuple[str, ...], sets: np.ndarray) -> np.ndarray:
-    """`charges` of sets (sets, parameters), in chunks."""
-    loops, limit = rig_loops(setup), (setup.kind.grid_step, setup.config.largest_contraction)
-    return in_chunks(lambda chunk: _charges(loops, dict(zip(names, chunk.T)), *limit), sets, CHUNK)
+    """`charges` of sets (sets, parameters)."""
+    cycle = _exact_cycles(setup, names, sets)
+    charged = _charged(cycle.status == CycleStatus.FOUND, cycle.contraction, setup.config.largest_contraction)
+    return np.asarray(charged).sum(axis=0)
 
 
 def certify_cycles(setup: Setup, parameters: Mapping[str, float]) -> list[CycleRow]:
@@ -78,10 +105,12 @@ def certify_cycles(setup: Setup, parameters: Mapping[str, float]) -> list[CycleR
     config = setup.config
     if setup.kind.cycle_phase is None or not config.uniform_roads:
         return []
-    true = dataclasses.replace(rig_loops(setup), controller=setup.controller(parameters))
-    cycle, whole = _found(true, setup.kind.grid_step), None
+    names = tuple(parameters)
+    cycle = _exact_cycles(setup, names, np.array([[parameters[name] for name in names]]))
+    cycle, whole = jax.tree.map(lambda x: x[:, 0], cycle), None
     if setup.observer is not None:
-        whole = _found(dataclasses.replace(true, observer=setup.observer), setup.step)
+        loops = dataclasses.replace(rig_loops(setup), controller=setup.controller(parameters), observer=setup.observer)
+        whole = jax.tree.map(np.asarray, limit_cycle(loops, step=setup.step))
 
     def finite(value):
         return float(value) if np.isfinite(value) else None
@@ -97,7 +126,3 @@ def certify_cycles(setup: Setup, parameters: Mapping[str, float]) -> list[CycleR
             CycleRow(name_of(road), speed, found, finite(cycle.period[i]), finite(cycle.contraction[i]), **observed)
         )
     return rows
-
-
-def _found(loop: ClosedLoop, step: float) -> LimitCycle:
-    return jax.tree.map(np.asarray, limit_cycle(loop, step=step))

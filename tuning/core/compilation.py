@@ -8,8 +8,6 @@ import jax
 
 FOLDER = "JAX_COMPILATION_CACHE_DIR"
 """Environment variable that names another folder than the usual one."""
-WORTH_KEEPING = 0.3
-"""Shortest compilation that is kept, s."""
 LONG = 1.0
 """Tracing after which a user is told that something is compiled, s."""
 
@@ -23,7 +21,7 @@ def keep_compiled() -> Path:
     base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
     folder = Path(os.environ.get(FOLDER) or base / "absjax")
     jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", WORTH_KEEPING)
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     return folder
 
