@@ -15,6 +15,7 @@ from absjax.controllers.slip import SlipControl
 from absjax.controllers.two_phase import TwoPhase
 from absjax.controllers.two_phase_cycle import kappa_of, poincare_map, two_phase_cycle
 from absjax.hybrid.rollout import rollout
+from absjax.lanes import stacked
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.limit_cycle import CycleStatus, limit_cycle
 from absjax.plant.brake import Brake
@@ -124,21 +125,23 @@ def test_contraction_is_below_one_for_every_gain_and_the_condition_of_the_source
     assert gain[0] < bound
 
 
-EPS1 = 13.4
+LIMITS = {"rate_limit": 750.0, "lag": 5e-3}
+TUNED = FivePhase(60.0, 13.4, 15.6, 13.5, 10.5, 12.6, 0.53, u1=28600.0, u3=1050.0, u4=850.0)
 
 
-def tuned_five_phase(eps1=EPS1):
-    thresholds = {"eps0": 60.0, "eps1": eps1, "eps2": 15.6, "eps3": 13.5, "eps4": 10.5, "eps5": 12.6, "fallback": 0.53}
-    controller = FivePhase(**thresholds, u1=28600.0, u3=1050.0, u4=850.0)
-    return rig(controller, DRY, 60 / 3.6, rate_limit=750.0, lag=5e-3)
+def test_five_phase_cycles_by_rollout_against_repeated_cycles():
+    """Lanes: one that cycles, one that is stuck in a phase, one that is chaotic. The contraction is what shrinks the
+    distance to the fixed point from one cycle to the next."""
+    controllers, roads = (TUNED, FivePhase(eps5=1e6), FivePhase()), (DRY, *[SURFACES["dry_concrete"]] * 2)
+    lanes = rig(stacked(controllers), stacked(roads), np.full(3, 60 / 3.6), **LIMITS)
+    cycle, stuck, chaotic = (jax.tree.map(lambda x, i=i: x[i], limit_cycle(lanes)) for i in range(3))
+    assert int(stuck.status) == CycleStatus.NOT_CYCLING
+    assert float(stuck.contraction) == float(stuck.period) == np.inf
+    assert int(chaotic.status) == CycleStatus.NOT_CONVERGED and float(chaotic.period) == np.inf
 
-
-def test_five_phase_cycle_by_rollout_against_repeated_cycles():
-    """The contraction is what shrinks the distance to the fixed point from one cycle to the next."""
-    cycle = jax.tree.map(lambda x: x[0], limit_cycle(tuned_five_phase(np.array([EPS1]))))
     assert int(cycle.status) == CycleStatus.FOUND and 0.1 < float(cycle.contraction) < 1
     assert float(cycle.offset) == pytest.approx(-12.6, abs=1e-8)
-    loop = tuned_five_phase()
+    loop = rig(TUNED, DRY, 60 / 3.6, **LIMITS)
     run = rollout(loop, loop.initial_state(jnp.asarray(60 / 3.6)), step=1e-3, steps=5000, save_switches=True)
     source, target = (np.asarray(loop.phase(x)) for x in (run.switches.source, run.switches.target))
     periods = np.diff(np.asarray(run.switches.time)[(target == 1) & (source != 1)])
@@ -147,13 +150,7 @@ def test_five_phase_cycle_by_rollout_against_repeated_cycles():
     assert np.median(late[1:] / late[:-1]) == pytest.approx(float(cycle.contraction), rel=0.05)
 
 
-def test_what_has_no_cycle_says_so():
-    limits = {"rate_limit": 750.0, "lag": 5e-3}
-    stuck = limit_cycle(rig(FivePhase(eps5=1e6), SURFACES["dry_concrete"], 60 / 3.6, **limits))
-    assert int(stuck.status) == CycleStatus.NOT_CYCLING
-    assert float(stuck.contraction) == float(stuck.period) == np.inf
-    chaotic = limit_cycle(rig(FivePhase(), SURFACES["dry_concrete"], 60 / 3.6, **limits))
-    assert int(chaotic.status) == CycleStatus.NOT_CONVERGED and float(chaotic.period) == np.inf
+def test_what_has_no_cycle_is_refused_by_name():
     with pytest.raises(ValueError, match="a TestRig whose acceleration is 0"):
         limit_cycle(dataclasses.replace(rig(TwoPhase()), plant=TestRig(Wheel(), UniformRoad(DRY), 20.0, -1.0)))
     with pytest.raises(ValueError, match="a TestRig whose acceleration is 0"):
