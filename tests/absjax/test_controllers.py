@@ -10,7 +10,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.five_phase import FivePhase
@@ -30,11 +29,11 @@ from absjax.plant.road import UniformRoad
 from absjax.plant.wheel import Wheel
 from absjax.results import UNDEFINED
 from absjax.tyres.surfaces import SURFACES
+from tests.oracles.automaton import runge_kutta, until_switching
+from tests.oracles.quarter_car import GRAVITY, RADIUS, A, B, coefficients, friction, offset
 
-INERTIA, RADIUS, LOAD, BRAKE, GRAVITY = 1.2, 0.3, 2500.0, 17.5, 9.81
-A, B = RADIUS**2 * LOAD / INERTIA, RADIUS * BRAKE / INERTIA
 TYRE = SURFACES["wet_asphalt"]
-C1, C2, C3 = (float(c) for c in (TYRE.c1, TYRE.c2, TYRE.c3))
+C1, C2, C3 = C = coefficients(TYRE)
 SPEED, STEP = 20.0, 5e-4
 
 
@@ -54,10 +53,8 @@ def seen(t, y) -> Seen:
     v, w, _, *pressures = y
     pressure = pressures[-1]
     slip = RADIUS * w / v - 1
-    mu = np.sign(slip) * C1 * (1 - np.exp(-C2 * abs(slip))) - C3 * slip
-    dw = (-RADIUS * LOAD * mu - BRAKE * pressure) / INERTIA
     xbs = C1 * C2 * np.exp(-C2 * abs(slip)) - C3
-    return Seen(t, v, GRAVITY * mu, RADIUS * w, RADIUS * dw - GRAVITY * mu, xbs, slip)
+    return Seen(t, v, GRAVITY * friction(v, w, C), RADIUS * w, offset(v, w, pressure, C), xbs, slip)
 
 
 class Case(NamedTuple):
@@ -231,8 +228,11 @@ def located_by_scipy(case: Case):
     p, y, t, mode, count, visited = case.controller, begin(case), 0.0, 0, 0, set()
     kept = case.keep(seen(t, y), (0.0, SPEED), p)
 
-    def flow(t, y, mode, kept):
+    def flow(t, y):
         return slope(case, t, y, case.command(mode, seen(t, y), kept))
+
+    def guards(t, y):
+        return [guard for guard, _ in case.edges(mode, seen(t, y), kept, p)]
 
     while True:
         s = seen(t, y)
@@ -241,29 +241,9 @@ def located_by_scipy(case: Case):
             visited.add((mode, opened[0]))
             mode, kept, count = opened[0], case.keep(s, kept, p), count + 1
             continue
-        events = []
-        for i in range(len(case.edges(mode, seen(t, y), kept, p))):
-
-            def event(t, y, mode, kept, i=i):
-                return case.edges(mode, seen(t, y), kept, p)[i][0]
-
-            event.terminal, event.direction = True, 1
-            events.append(event)
-        run = solve_ivp(
-            flow,
-            (t, case.duration),
-            y,
-            "DOP853",
-            events=events,
-            args=(mode, kept),
-            rtol=1e-10,
-            atol=1e-10,
-            max_step=5e-3,
-        )
-        t, y = run.t[-1], run.y[:, -1]
-        if run.status == 0:
+        t, y, fired = until_switching(flow, guards, t, y, case.duration, max_step=5e-3)
+        if fired is None:
             return y[:4], count, visited
-        fired = next(i for i, times in enumerate(run.t_events) if len(times))
         s = seen(t, y)
         following = case.edges(mode, s, kept, p)[fired][1]
         visited.add((mode, following))
@@ -280,10 +260,7 @@ def sampled_by_hand(case: Case, step: float, steps: int):
         def flow(y, rate=rate, k=k):
             return slope(case, k * step, y, rate)
 
-        k1 = flow(y)
-        k2 = flow(y + step / 2 * k1)
-        k3 = flow(y + step / 2 * k2)
-        y = y + step / 6 * (k1 + 2 * k2 + 2 * k3 + flow(y + step * k3))
+        y = runge_kutta(flow, y, step)
         s = seen(k * step, y)
         for guard, following in case.edges(mode, s, kept, p):
             if guard >= 0:

@@ -9,7 +9,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from absjax.controllers.five_phase import FivePhase
 from absjax.loop.closed_loop import ClosedLoop
@@ -23,10 +22,12 @@ from absjax.plant.quarter_car import QuarterCar
 from absjax.plant.road import ChangingRoad, UniformRoad
 from absjax.plant.wheel import Wheel
 from absjax.tyres.surfaces import SURFACES
+from tests.oracles.automaton import until_switching
+from tests.oracles.quarter_car import BRAKE, GRAVITY, LOAD, RADIUS, coefficients, friction, spin
 
-INERTIA, RADIUS, LOAD, BRAKE, GRAVITY = 1.2, 0.3, 2500.0, 17.5, 9.81
 RATE_LIMIT, LAG = 750.0, 5e-3
 WET = SURFACES["wet_asphalt"]
+COEFFICIENTS = coefficients(WET)
 CONTROLLER = FivePhase(eps0=90.0, eps4=60.0, eps5=90.0, u1=3000.0)
 DRIVER = Driver(rate=900.0, delay=0.03, largest=60.0, changes=(1.0, 1.25), release_rate=900.0)
 SPEED, END = 18.0, 4.0
@@ -46,16 +47,11 @@ class ByHand:
         self.phase, self.pressure, self.locked, self.foot, self.moves = 0, "pedal", False, "off", 0
         self.lock_began, self.lock_time, self.locks, self.seen = None, np.zeros(2), 0, set()
 
-    def friction(self, v, w):
-        slip = RADIUS * w / v - 1
-        c1, c2, c3 = (float(c) for c in (WET.c1, WET.c2, WET.c3))
-        return np.sign(slip) * c1 * (1 - np.exp(-c2 * abs(slip))) - c3 * slip
-
     def spin(self, y):
-        return (-RADIUS * LOAD * self.friction(y[0], y[1]) - BRAKE * min(max(y[4], 0.0), y[5])) / INERTIA
+        return spin(y[0], y[1], min(max(y[4], 0.0), y[5]), COEFFICIENTS)
 
     def x2(self, y):
-        return (0.0 if self.locked else RADIUS * self.spin(y)) - GRAVITY * self.friction(y[0], y[1])
+        return (0.0 if self.locked else RADIUS * self.spin(y)) - GRAVITY * friction(y[0], y[1], COEFFICIENTS)
 
     def rate(self, y):
         rim = max(RADIUS * y[1], 0.5)
@@ -69,7 +65,7 @@ class ByHand:
     def flow(self, t, y):
         moving = {"pedal": self.slope(), "free": self.rate(y), "zero": 0.0}[self.pressure]
         turning = 0.0 if self.locked else self.spin(y)
-        return [GRAVITY * self.friction(y[0], y[1]), turning, y[0], moving, (y[3] - y[4]) / LAG, self.slope()]
+        return [GRAVITY * friction(y[0], y[1], COEFFICIENTS), turning, y[0], moving, (y[3] - y[4]) / LAG, self.slope()]
 
     def edges(self, t, y):
         """(name, guard value); a guard fires where it rises through zero."""
@@ -98,6 +94,9 @@ class ByHand:
         else:
             found.append(("leaves", (-ahead if self.pressure == "pedal" else rate) - 1.0))
         return found
+
+    def guards(self, t, y):
+        return [guard for _, guard in self.edges(t, y)]
 
     def jump(self, name, t, y):
         self.seen.add(name)
@@ -135,18 +134,7 @@ class ByHand:
             if opened:
                 self.jump(opened[0], t, y)
                 continue
-            events = []
-            for i in range(len(self.edges(t, y))):
-
-                def event(t, y, i=i):
-                    edges = self.edges(t, y)
-                    return edges[i][1] if i < len(edges) else -1.0
-
-                event.terminal, event.direction = True, 1
-                events.append(event)
-            run = solve_ivp(self.flow, (t, 9.0), y, "DOP853", events=events, rtol=1e-10, atol=1e-10, max_step=2e-3)
-            t, y = run.t[-1], run.y[:, -1].copy()
-            fired = next(i for i, times in enumerate(run.t_events) if len(times))
+            t, y, fired = until_switching(self.flow, self.guards, t, y, 9.0, max_step=2e-3)
             name = self.edges(t, y)[fired][0]
             if name == "stop":
                 if self.locked:

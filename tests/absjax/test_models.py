@@ -18,6 +18,8 @@ from absjax.plant.test_rig import RigState, TestRig
 from absjax.plant.wheel import Wheel
 from absjax.tyres.burckhardt import Burckhardt
 from absjax.tyres.surfaces import SURFACES, surface
+from tests.oracles.automaton import runge_kutta
+from tests.oracles.quarter_car import GRAVITY, RADIUS, coefficients, friction, offset, spin
 from tests.systems import PARAMETERS, five_phase_loop
 
 DRY, WET, SNOW = (SURFACES[name] for name in ("dry_asphalt", "wet_asphalt", "snow"))
@@ -130,36 +132,23 @@ class Ramp(Smooth):
 
 def sampled_by_hand(loop, speed, step, steps, every, delay):
     """Plain loop in numpy floats: guards tested every so many steps, the rate held and late."""
-    p, wheel, tyre = loop.controller, loop.plant.wheel, loop.plant.road.tyre
-    c1, c2, c3 = (float(c) for c in (tyre.c1, tyre.c2, tyre.c3))
-    v, w, s, pressure, mode, switchings = speed, speed / 0.3, 0.0, 0.0, 0, 0
-
-    def accelerations(v, w, pressure):
-        slip = 0.3 * w / v - 1
-        mu = np.sign(slip) * c1 * (1 - np.exp(-c2 * abs(slip))) - c3 * slip
-        force = float(wheel.load) * mu
-        return 9.81 * mu, (-0.3 * force - 17.5 * pressure) / 1.2
+    p, c = loop.controller, coefficients(loop.plant.road.tyre)
+    v, w, s, pressure, mode, switchings = speed, speed / RADIUS, 0.0, 0.0, 0, 0
 
     def rate(mode, w):
-        return [3 * p.u4, -p.u1, 0.0, p.u3, p.u4, 0.0][mode] / (0.3 * w)
+        return [3 * p.u4, -p.u1, 0.0, p.u3, p.u4, 0.0][mode] / (RADIUS * w)
 
     rates = [rate(0, w)] * (delay + 1)
     for k in range(1, steps + 1):
         x = np.array([v, w, s, pressure])
 
         def flow(x, u=rates[-1]):
-            dv, dw = accelerations(x[0], x[1], x[3])
-            return np.array([dv, dw, x[0], u])
+            return np.array([GRAVITY * friction(x[0], x[1], c), spin(x[0], x[1], x[3], c), x[0], u])
 
-        k1 = flow(x)
-        k2 = flow(x + step / 2 * k1)
-        k3 = flow(x + step / 2 * k2)
-        x = x + step / 6 * (k1 + 2 * k2 + 2 * k3 + flow(x + step * k3))
-        v, w, s, pressure = x
+        v, w, s, pressure = runge_kutta(flow, x, step)
         if k % every:
             continue
-        dv, dw = accelerations(v, w, pressure)
-        x2 = 0.3 * dw - dv
+        x2 = offset(v, w, pressure, c)
         fires = [x2 <= -p.eps0, x2 >= p.eps1, x2 >= p.eps2, x2 <= p.eps3, x2 <= -p.eps4, x2 <= -p.eps5][mode]
         if fires:
             mode, switchings = 1 if mode == 5 else mode + 1, switchings + 1

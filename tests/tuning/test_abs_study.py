@@ -133,10 +133,10 @@ def test_limit_cycles_of_the_shipped_five_phase_set():
     rows = certify_cycles(Setup.of(config), config.start)
     assert [(row.road, row.speed_kmh) for row in rows[:2]] == [("dry_asphalt", 60.0), ("dry_asphalt", 180.0)]
     assert rows[1].certified and rows[3].certified and not any(row.certified and row.contraction >= 1 for row in rows)
-    limited = dataclasses.replace(config, largest_contraction=0.5 * rows[1].contraction)
+    largest = 0.5 * rows[1].contraction
     names, sets = ("eps1", "eps5"), np.array([[config.start["eps1"], config.start["eps5"]], [90.0, 60.0]])
-    charged = exact_charges(Setup.of(limited), names, sets)
-    excess = [row.contraction and max(row.contraction - limited.largest_contraction, 0.0) for row in rows]
+    charged = exact_charges(Setup.of(config), names, sets, largest)
+    excess = [row.contraction and max(row.contraction - largest, 0.0) for row in rows]
     expected = sum(NO_CYCLE_CHARGE if each is None else CONTRACTION_CHARGE * each for each in excess)
     assert charged[0] == pytest.approx(expected, rel=1e-6) and expected > 0 and charged[1] != charged[0]
 

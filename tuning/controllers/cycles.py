@@ -93,10 +93,10 @@ def _exact_cycles(setup: Setup, names: tuple[str, ...], sets: np.ndarray) -> _Cy
     )
 
 
-def exact_charges(setup: Setup, names: tuple[str, ...], sets: np.ndarray) -> np.ndarray:
+def exact_charges(setup: Setup, names: tuple[str, ...], sets: np.ndarray, largest: float) -> np.ndarray:
     """`charges` of sets (sets, parameters)."""
     cycle = _exact_cycles(setup, names, sets)
-    charged = _charged(cycle.status == CycleStatus.FOUND, cycle.contraction, setup.config.largest_contraction)
+    charged = _charged(cycle.status == CycleStatus.FOUND, cycle.contraction, largest)
     return np.asarray(charged).sum(axis=0)
 
 

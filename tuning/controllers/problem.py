@@ -59,11 +59,12 @@ class ControllerProblem(Problem):
         parameters, setup = self.box.arrays(points), self.setup
         sampled = scored(self.batch, parameters, *setup.sampled_grid()).losses
         costs = np.maximum(self.screen(points), np.asarray(self.objective.costs(sampled)))
-        if setup.config.largest_contraction is None:
+        largest = setup.config.largest_contraction
+        if largest is None:
             return costs
         best = np.argsort(costs)[:FINALISTS]
         sets = np.stack([parameters[name][best] for name in self.box.names], axis=1)
-        excess = exact_charges(setup, self.box.names, sets)
+        excess = exact_charges(setup, self.box.names, sets, largest)
         charged = costs + 2 * BREACH_CHARGE
         charged[best] = costs[best] + excess + BREACH_CHARGE * (excess > 0)
         return charged

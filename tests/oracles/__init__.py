@@ -1,0 +1,1 @@
+"""What tests compare with: written by hand in NumPy and SciPy, without the project's models."""
