@@ -1,6 +1,7 @@
 """The command line, run as a user runs it."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -17,9 +18,9 @@ DATA = Path(tuning.__file__).parent / "data"
 
 
 def run(*arguments):
-    return subprocess.run(
-        [sys.executable, "-m", "tuning", *map(str, arguments)], capture_output=True, text=True, timeout=300
-    )
+    command = [sys.executable, "-m", "tuning", *map(str, arguments)]
+    environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
+    return subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
 
 
 def test_identify_writes_result_and_figures(tmp_path):
