@@ -20,6 +20,7 @@ import math
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 
 from absjax.controllers._lambert import lambert_w0
@@ -62,13 +63,14 @@ def kappa_of(c, d, zref, chi_a, chi_b):
     for name, value in (("c", c), ("zref", zref)):
         _require_positive(name, value)
     if all(map(concrete, (c, d, chi_a, chi_b))):
-        if not bool(jnp.all((jnp.asarray(d) + c * jnp.asarray(chi_a) > 0) & (jnp.asarray(chi_a) < chi_b))):
-            raise ValueError(f"chi_a = {chi_a} must be above -d/c = {-jnp.asarray(d) / c} and below chi_b = {chi_b}")
+        least = -np.asarray(d) / np.asarray(c)
+        if not np.all((np.asarray(chi_a) > least) & (np.asarray(chi_a) < np.asarray(chi_b))):
+            raise ValueError(f"chi_a = {chi_a} must be above -d/c = {least} and below chi_b = {chi_b}")
     return jnp.log((d + c * chi_a) / (d + c * chi_b)) / (c * zref)
 
 
 def _require_positive(name: str, value) -> None:
-    if concrete(value) and not bool(jnp.all(jnp.asarray(value) > 0)):
+    if concrete(value) and not np.all(np.asarray(value) > 0):
         raise ValueError(f"{name} = {value} must be positive")
 
 

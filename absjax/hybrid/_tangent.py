@@ -14,6 +14,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax import lax
 
 from absjax._numerics import per_lane, pick, rk4_step, safe_divide, tree_where
 from absjax.hybrid._step import CROSSING, NORMAL, Grid, Lanes, Tile, step_of, time_of
@@ -60,9 +61,12 @@ def tangent(
 
     def transition(function, applies, state, d_state):
         """State and tangent after a jump or tick where it `applies`."""
-        arguments = (parameters, time + step, state), (d_parameters, d_step - d_left, d_state)
-        after, d_after = jax.jvp(function, *arguments)
-        return tree_where(applies, after, state), tree_where(applies, d_after, d_state)
+        def applied(state, d_state, d_time):
+            arguments = (parameters, time + step, state), (d_parameters, d_time, d_state)
+            after, d_after = jax.jvp(function, *arguments)
+            return tree_where(applies, after, state), tree_where(applies, d_after, d_state)
+
+        return lax.cond(jnp.any(applies), applied, lambda s, d, _: (s, d), state, d_state, d_step - d_left)
 
     if switches:
         jumping = lanes.doing >= CROSSING

@@ -1,0 +1,98 @@
+"""Gradients of the stopping distance of random stops against central differences: `python -m tests.attack.gradients`.
+
+Of every lane, the derivative along one random direction of all trainable parameters, by forward mode. Differences
+count where three widths in the ratio 4, of seven, agree to 1e-4 and the number of switchings is the same at their ends.
+"""
+
+import argparse
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from absjax.lanes import repeated, taken
+from absjax.loop.stop import Outcome, stop
+from absjax.parameters import trainable_names
+from tests.attack.stops import CONTROLLERS, random_loop, random_speeds
+
+WIDTHS = 4e-5 * 0.25 ** np.arange(7)
+AGREE = 1e-4
+
+
+def shifted(loop, directions, shift):
+    """The loop with every trainable parameter p of lane i at p (1 + shift direction_i)."""
+    names = trainable_names(loop.controller)
+    values = {n: getattr(loop.controller, n) * (1 + shift * d) for n, d in zip(names, directions)}
+    return dataclasses.replace(loop, controller=dataclasses.replace(loop.controller, **values))
+
+
+def attack(kind, lanes: int, seed: int, step: float, only=None) -> dict:
+    """Exact derivatives, differences, and which of them count; arrays (lanes,)."""
+    rng = np.random.default_rng(seed)
+    loop, speed = random_loop(kind, rng, lanes), random_speeds(rng, lanes)
+    directions = rng.normal(size=(len(trainable_names(kind)), lanes))
+    if only is not None:
+        loop, speed, directions = taken(loop, np.asarray(only)), speed[only], directions[:, only]
+
+    def run(loop, speed):
+        return stop(loop, speed, horizon=14.0, step=step, max_events=600, tile=128)
+
+    @jax.jit
+    def exact(loop, speed, directions):
+        def distance(shift):
+            result = run(shifted(loop, directions, shift), speed)
+            return result.distance, result
+
+        return jax.jvp(distance, (jnp.zeros(len(speed)),), (jnp.ones(len(speed)),), has_aux=True)
+
+    _, slope, result = exact(loop, speed, directions)
+    ends = [s * w for w in WIDTHS for s in (1, -1)]
+    many = repeated(loop, len(ends))
+    every = shifted(many, np.repeat(directions, len(ends), axis=1), np.tile(ends, len(speed)))
+    others = jax.jit(run)(every, np.repeat(speed, len(ends)))
+    distances = np.asarray(others.distance).reshape(-1, len(WIDTHS), 2)
+    differences = (distances[..., 0] - distances[..., 1]) / (2 * WIDTHS)
+    events = np.asarray(others.rollout.events).reshape(len(speed), -1)
+    ended = (np.asarray(others.outcome).reshape(len(speed), -1) == Outcome.STOPPED).all(axis=1)
+    same = (events == events[:, :1]).reshape(len(speed), len(WIDTHS), 2).all(axis=2)
+    apart = np.abs(np.diff(differences, axis=1)) / (np.abs(differences[:, 1:]) + 1e-6)
+    spread = np.maximum(apart[:, :-1], apart[:, 1:])
+    spread = np.where(same[:, :-2] & same[:, 1:-1] & same[:, 2:], spread, np.inf)
+    best = spread.argmin(axis=1)
+    last = np.take_along_axis(differences, best[:, None] + 1, axis=1)[:, 0]
+    scale = np.abs(last) + 1e-6
+    counted = ended & (spread.min(axis=1) <= AGREE)
+    return {
+        "slope": np.asarray(slope),
+        "difference": last,
+        "off": np.abs(np.asarray(slope) - last) / scale,
+        "counted": counted & (np.asarray(result.rollout.grazes) == 0),
+        "ended": ended,
+        "events": np.asarray(result.rollout.events),
+        "grazes": np.asarray(result.rollout.grazes),
+    }
+
+
+def main() -> None:
+    """Print a row for each controller."""
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--lanes", type=int, default=500)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--step", type=float, default=None, help="s; each controller's own where not given")
+    options = parser.parse_args()
+    jax.config.update("jax_enable_x64", True)
+    for kind in CONTROLLERS:
+        step = options.step or kind.grid_step
+        found = attack(kind, options.lanes, options.seed, step)
+        off = np.where(found["counted"], found["off"], 0.0)
+        print(
+            f"{kind.__name__:21} step {1e3 * step:g} ms: {found['ended'].sum()} end, {found['counted'].sum()} counted; "
+            f"off by > 0.1 %: {(off > 1e-3).sum()}, > 1 %: {(off > 1e-2).sum()}, > 10 %: {(off > 0.1).sum()}; "
+            f"worst {off.max():.1e}, lanes {np.nonzero(off > 1e-3)[0].tolist()}",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,58 @@
+"""Random stops: controllers scattered around their defaults, on scattered roads, brakes and feet."""
+
+import dataclasses
+
+import numpy as np
+
+from absjax.controllers.bosch import BoschLogic
+from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.slip import SlipControl
+from absjax.controllers.stiffness import StiffnessControl
+from absjax.controllers.tracking import AccelerationTracking
+from absjax.controllers.two_phase import TwoPhase
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.driver import Driver
+from absjax.parameters import bounds_of, trainable_names
+from absjax.plant.brake import Brake
+from absjax.plant.quarter_car import QuarterCar
+from absjax.plant.road import UniformRoad
+from absjax.plant.wheel import Wheel
+from absjax.tyres.burckhardt import Burckhardt
+from absjax.tyres.surfaces import SURFACES
+
+CONTROLLERS = (FivePhase, AccelerationTracking, TwoPhase, StiffnessControl, SlipControl, BoschLogic)
+END = 3.0
+ROOM = 1e-3
+"""Left to bounds and orders, so that there is something on both sides of every value."""
+
+
+def random_controller(kind, rng, lanes: int, spread: float = 0.5):
+    """Trainable parameters scattered, kept within bounds and in the order the class demands."""
+    values = {}
+    for name in trainable_names(kind):
+        default, bounds = float(getattr(kind(), name)), bounds_of(kind)[name]
+        drawn = default * np.exp(spread * rng.normal(size=lanes)) if default else rng.uniform(0.0, 3.0, lanes)
+        values[name] = np.clip(drawn, bounds.low + ROOM, bounds.high - ROOM)
+    for low, high, margin in getattr(kind, "ordered", ()):
+        values[high] = np.maximum(values[high], (1 + ROOM) * values[low] + margin)
+    return kind(**values)
+
+
+def random_loop(kind, rng, lanes: int) -> ClosedLoop:
+    """A lane each of controller, road, brake and foot."""
+    surfaces = [SURFACES[name] for name in SURFACES]
+    which = rng.integers(len(surfaces), size=lanes)
+    c = (np.array([float(getattr(surfaces[i], c)) for i in which]) for c in ("c1", "c2", "c3"))
+    tyre = Burckhardt(*(x * np.exp(0.1 * rng.normal(size=lanes)) for x in c))
+    wheel = Wheel(inertia=rng.uniform(0.7, 2.0, lanes), load=rng.uniform(1800.0, 3500.0, lanes))
+    brake = Brake(rate_limit=rng.uniform(500.0, 1500.0, lanes), lag=rng.uniform(2e-3, 20e-3, lanes))
+    driver = Driver(rate=rng.uniform(200.0, 1500.0, lanes), largest=rng.uniform(100.0, 160.0, lanes))
+    controller = random_controller(kind, rng, lanes)
+    if "wheel" in {f.name for f in dataclasses.fields(kind)}:
+        controller = dataclasses.replace(controller, wheel=wheel)
+    return ClosedLoop(QuarterCar(wheel, UniformRoad(tyre)), brake, controller, END, driver=driver)
+
+
+def random_speeds(rng, lanes: int) -> np.ndarray:
+    """m/s"""
+    return rng.uniform(8.0, 30.0, lanes)
