@@ -57,7 +57,8 @@ def _segment(system_axes, plan: Plan):
                 jumped = ~kept & (before.doing >= _step.CROSSING)
                 arrived = ~kept & (before.doing == _step.NORMAL)
                 record = Record(after.state, after.left, after.index, before.mode, after.mode, arrived, jumped)
-            trace = (before._replace(local=None), kept) if keep_trace else None
+            decisions = before._replace(local=None, landed_before=None, missed_before=None)
+            trace = (decisions, kept) if keep_trace else None
             return after, (record, trace)
 
         after, (records, trace) = lax.scan(body, lanes, None, length=plan.length)

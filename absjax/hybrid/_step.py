@@ -4,9 +4,10 @@ Every iteration takes one Runge-Kutta step per lane, of a size that depends on w
 
 * NORMAL: to the next grid point. If a guard has crossed on the way the step is rejected, and the lane
   will land on the crossing instead.
-* LANDING, RELANDING, LAST_LANDING: to where the guard's Hermite interpolant is zero, only to see how far that misses;
-  the lane keeps its place, and the step is corrected by -g / g'. A landing that misses by more than
-  `LANDING_TOLERANCE` grid steps is tried again, twice at most.
+* LANDING to LAST_LANDING: to where the guard's Hermite interpolant is zero, only to see how far that misses; the lane
+  keeps its place, and the step is corrected by -g / g'. A landing that misses by more than `LANDING_TOLERANCE` grid
+  steps is tried again. The first time g' is the rate of the guard along the flow; from then on it is the slope of the
+  secant: where the flow is stiff, the guard at the end of a Runge-Kutta step of growing size rises at another rate.
 * CROSSING: over the corrected step, which ends on the guard, and the jump.
 * TOUCHING: the same for a guard that only grazes zero.
 * IMMEDIATE: the jump alone, of a guard that is open on entering a mode.
@@ -31,16 +32,19 @@ from absjax.hybrid._locate import Ends
 from absjax.lanes import mapped
 from absjax.results import DIVERGED
 
-NORMAL, LANDING, RELANDING, LAST_LANDING, CROSSING, TOUCHING, IMMEDIATE = range(7)
+NORMAL, LANDING, LAST_LANDING, CROSSING, TOUCHING, IMMEDIATE = 0, 1, 6, 7, 8, 9
 LANDING_TOLERANCE = 1e-5
+SECANT_SHORTEST = 1e-6
+"""Landings nearer to each other than this share of a grid step have no secant: rounding is in the way."""
 
 
 class Grid(NamedTuple):
-    """The time grid: `start + index * step`."""
+    """The time grid, `start + index * step`, and how many switchings a lane may make on it."""
 
     start: jax.Array
     step: jax.Array
     steps: jax.Array
+    max_events: jax.Array
 
 
 class Local(NamedTuple):
@@ -60,6 +64,10 @@ class Lanes(NamedTuple):
     mode: jax.Array
     doing: jax.Array
     landing: jax.Array
+    landed_before: jax.Array
+    """size of the last landing, s"""
+    missed_before: jax.Array
+    """guard at its end"""
     slot: jax.Array
     events: jax.Array
     grazes: jax.Array
@@ -109,12 +117,14 @@ def enter(tile: Tile, grid: Grid, state, mode) -> Lanes:
     opened, slot = first_open(here.guards) if here.guards else (zero > 0, zero)
     doing = jnp.where(opened, IMMEDIATE, NORMAL).astype(jnp.int32)
     left = jnp.broadcast_to(grid.step, mode.shape)
-    return Lanes(zero, left, state, mode, doing, jnp.zeros_like(left), slot, zero, zero, here)
+    none = jnp.zeros_like(left)
+    return Lanes(zero, left, state, mode, doing, none, none, none, slot, zero, zero, here)
 
 
 def is_active(grid: Grid, lanes: Lanes):
-    """Whether a lane has somewhere to go."""
-    return (lanes.index < grid.steps) & (lanes.mode >= 0)
+    """Whether a lane has somewhere to go, and may: a switching that is due beyond the last allowed is not made."""
+    exhausted = (lanes.events >= grid.max_events) & (lanes.doing >= CROSSING)
+    return (lanes.index < grid.steps) & (lanes.mode >= 0) & ~exhausted
 
 
 def time_of(grid: Grid, lanes: Lanes):
@@ -154,10 +164,19 @@ class Decision(NamedTuple):
     doing: jax.Array
     slot: jax.Array
     landing: jax.Array
+    missed: jax.Array
+    """guard at the end of a landing"""
     grazed: jax.Array
 
 
-def _decide(grid: Grid, lanes: Lanes, held, there: Local, opened_by, step) -> Decision:
+def _left_behind(grid: Grid, lanes: Lanes, here: Local, i: int):
+    """Whether guard `i` has just fired, and falls from where its own jump has left it: at zero, but for rounding."""
+    guard, rate = here.guards[i], here.rates[i]
+    at_zero = guard <= -LANDING_TOLERANCE * grid.step * rate
+    return (lanes.doing >= CROSSING) & (lanes.slot == i) & (rate < 0) & at_zero
+
+
+def _decide(grid: Grid, lanes: Lanes, held, there: Local, here: Local, step) -> Decision:
     """The decision when some lane of the tile may have crossed, lands, or jumps."""
     normal = lanes.doing == NORMAL
     crossed, target = lax.cond(
@@ -175,11 +194,15 @@ def _decide(grid: Grid, lanes: Lanes, held, there: Local, opened_by, step) -> De
     )
     trying = (lanes.doing >= LANDING) & (lanes.doing <= LAST_LANDING)
     miss, closing = pick(lanes.slot, there.guards), pick(lanes.slot, there.rates)
+    apart, risen = lanes.landing - lanes.landed_before, miss - lanes.missed_before
+    secant = safe_divide(risen, apart, (lanes.doing > LANDING) & (apart != 0))
+    closing = jnp.where((secant > 0) & (jnp.abs(apart) > SECANT_SHORTEST * grid.step), secant, closing)
     sound = (closing > 0) & (jnp.abs(miss) <= closing * grid.step)
     again = (lanes.doing < LAST_LANDING) & (jnp.abs(miss) > LANDING_TOLERANCE * grid.step * closing)
     corrected = jnp.clip(lanes.landing - safe_divide(miss, closing, sound), 0.0, lanes.left)
     landed = jnp.where(sound, jnp.where(again, lanes.doing + 1, CROSSING), TOUCHING)
-    opened, open_slot = first_open(opened_by)
+    opened_by = (jnp.where(_left_behind(grid, lanes, here, i), -1.0, g) for i, g in enumerate(here.guards))
+    opened, open_slot = first_open(tuple(opened_by))
     doing = jnp.where(trying, landed, jnp.where(opened, IMMEDIATE, NORMAL))
     slot = jnp.where(trying, lanes.slot, open_slot)
     return Decision(
@@ -187,6 +210,7 @@ def _decide(grid: Grid, lanes: Lanes, held, there: Local, opened_by, step) -> De
         doing=jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), doing).astype(jnp.int32),
         slot=jnp.where(rejected, target, slot).astype(jnp.int32),
         landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, lanes.landing)),
+        missed=jnp.where(trying, miss, lanes.missed_before),
         grazed=jnp.where(rejected, grazing, trying & ~sound),
     )
 
@@ -251,11 +275,11 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
             busy = busy | _locate.may_cross(_ends(lanes, there, step, i)) | (here.guards[i] >= 0)
 
         def calm(grid, lanes, held, *_):
-            return Decision(held, lanes.doing, lanes.slot, lanes.landing, held & ~held)
+            return Decision(held, lanes.doing, lanes.slot, lanes.landing, lanes.missed_before, held & ~held)
 
-        decision = lax.cond(jnp.any(busy), _decide, calm, grid, lanes, held, there, here.guards, step)
+        decision = lax.cond(jnp.any(busy), _decide, calm, grid, lanes, held, there, here, step)
     else:
-        decision = Decision(held, lanes.doing, lanes.slot, lanes.landing, held & ~held)
+        decision = Decision(held, lanes.doing, lanes.slot, lanes.landing, lanes.missed_before, held & ~held)
     kept = decision.kept
     accepted = (lanes.doing == NORMAL) & ~kept
     failed = active & ~finite
@@ -271,6 +295,8 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
         mode=jnp.where(kept, jnp.where(failed, DIVERGED, lanes.mode), mode),
         doing=jnp.where(active, decision.doing, lanes.doing),
         landing=decision.landing,
+        landed_before=lanes.landing,
+        missed_before=decision.missed,
         slot=decision.slot,
         events=lanes.events + (~kept & (lanes.doing >= CROSSING)),
         grazes=lanes.grazes + (active & decision.grazed),

@@ -61,6 +61,7 @@ def tangent(
 
     def transition(function, applies, state, d_state):
         """State and tangent after a jump or tick where it `applies`."""
+
         def applied(state, d_state, d_time):
             arguments = (parameters, time + step, state), (d_parameters, d_time, d_state)
             after, d_after = jax.jvp(function, *arguments)

@@ -165,7 +165,8 @@ def rollout(
     dtype = jnp.result_type(*(jnp.asarray(leaf).dtype for leaf in jax.tree.leaves(state)), jnp.float32)
     cast = _as_float(dtype)
     system, state = jax.tree.map(cast, system), jax.tree.map(cast, state)
-    grid = Grid(jnp.asarray(start, dtype), jnp.asarray(step, dtype), jnp.asarray(steps, jnp.int32))
+    whole = (jnp.asarray(number, jnp.int32) for number in (steps, max_events))
+    grid = Grid(jnp.asarray(start, dtype), jnp.asarray(step, dtype), *whole)
     mode = jnp.asarray(mode, jnp.int32)
     return _rollout(
         system, state, mode, grid, int(steps), int(max_events), int(save_every), save_switches, checkpoint, tile
