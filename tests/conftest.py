@@ -37,6 +37,6 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="module", autouse=True)
 def programs_of_one_file():
-    """A process cannot map the programs of the whole suite at once: it ends where they number some thousands."""
+    """A process that kept those of the whole suite, read from disk, has crashed; one that drops them has not."""
     yield
     jax.clear_caches()

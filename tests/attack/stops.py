@@ -4,12 +4,6 @@ import dataclasses
 
 import numpy as np
 
-from absjax.controllers.bosch import BoschLogic
-from absjax.controllers.five_phase import FivePhase
-from absjax.controllers.slip import SlipControl
-from absjax.controllers.stiffness import StiffnessControl
-from absjax.controllers.tracking import AccelerationTracking
-from absjax.controllers.two_phase import TwoPhase
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import Driver
 from absjax.parameters import bounds_of, trainable_names
@@ -20,7 +14,6 @@ from absjax.plant.wheel import Wheel
 from absjax.tyres.burckhardt import Burckhardt
 from absjax.tyres.surfaces import SURFACES
 
-CONTROLLERS = (FivePhase, AccelerationTracking, TwoPhase, StiffnessControl, SlipControl, BoschLogic)
 END = 3.0
 ROOM = 1e-3
 """Left to bounds and orders, so that there is something on both sides of every value."""
