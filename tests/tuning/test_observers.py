@@ -80,7 +80,7 @@ def test_simulated_runs_are_what_they_say(excitation):
     for i, tyres in enumerate((pair, pair[::-1])):
         for k, tyre in enumerate(tyres):
             on = (time >= runs.begins[i, k]) & (time < runs.ends[i, k])
-            np.testing.assert_allclose(runs.stiffness[i, on], tyre.stiffness(runs.slip[i, on]), rtol=1e-12)
+            np.testing.assert_allclose(runs.stiffness[i, on], tyre.stiffness(runs.slip[i, on]), rtol=1e-12, atol=1e-14)
         # R w' - v' is the rate of slip times speed.
         rate = np.gradient(runs.slip[i] * runs.samples.speed[i], 1e-3)
         assert np.quantile(np.abs(rate - runs.samples.y[i])[5:-5], 0.9) < 0.2
