@@ -18,6 +18,7 @@ from absjax.hybrid.rollout import Rollout, Status, rollout
 from absjax.hybrid.system import HybridSystem, Smooth, TickingSystem
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import Driver, FreeRamp
+from absjax.loop.growth import growth
 from absjax.loop.ideal import ideal_distance
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, Stop, stop
@@ -92,6 +93,7 @@ __all__ = [
     "constant_stiffness",
     "edges_of",
     "fit_exponential_basis",
+    "growth",
     "ideal_distance",
     "known_road",
     "observe",

@@ -39,8 +39,8 @@ def safe_divide(numerator, denominator, valid, otherwise=0.0):
     return jnp.where(valid, numerator / jnp.where(valid, denominator, 1.0), otherwise)
 
 
-def rk4_step(flow: Callable, time, state: Any, step, slope: Any) -> Any:
-    """One classical fourth-order Runge-Kutta step.
+def rk4_step(flow: Callable, time, state: Any, step, slope: Any) -> tuple[Any, Any]:
+    """One classical fourth-order Runge-Kutta step: the state at its end, and the last of the four slopes.
 
     Args:
         flow: `flow(time, state) -> d(state)/dt`, with None in the place of what stays constant.
@@ -57,4 +57,4 @@ def rk4_step(flow: Callable, time, state: Any, step, slope: Any) -> Any:
     k2 = flow(time + step / 2, ahead(k1, step / 2))
     k3 = flow(time + step / 2, ahead(k2, step / 2))
     k4 = flow(time + step, ahead(k3, step))
-    return jax.tree.map(combine, state, k1, k2, k3, k4)
+    return jax.tree.map(combine, state, k1, k2, k3, k4), k4

@@ -11,7 +11,6 @@ import math
 from typing import Any, TypeVar, dataclass_transform
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
@@ -72,10 +71,16 @@ def concrete(value: Any) -> bool:
 
 
 def _check(owner: str, field: dataclasses.Field, value: Any) -> None:
-    if value is None or not concrete(value) or (not jnp.isscalar(value) and not hasattr(value, "dtype")):
+    if isinstance(value, tuple):
+        for entry in value:
+            _check(owner, field, entry)
+        return
+    if value is None or not concrete(value) or isinstance(value, jax.ShapeDtypeStruct):
         return
     bounds: Bounds = field.metadata["bounds"]
     try:
+        if isinstance(value, str | list):
+            raise TypeError
         numbers = np.asarray(value, dtype=float)
     except (TypeError, ValueError):
         raise ValueError(f"{owner}.{field.name} = {value!r} is not a number; {field.metadata['doc']}") from None

@@ -119,3 +119,17 @@ class Decay(Smooth):
 
     def flow(self, time, state, mode):
         return Level(-self.rate * state.x)
+
+
+@model
+class Twins:
+    """x' = 1 until x reaches one of two thresholds, both of which set it back; the second at the same level."""
+
+    def flow(self, time, state, mode):
+        return Level(jnp.ones_like(state.x))
+
+    def guards(self, time, state, mode):
+        return state.x**3 - 1.0, jnp.expm1(state.x - 1.0)
+
+    def jump(self, time, state, mode, slot):
+        return Level(jnp.zeros_like(state.x)), mode

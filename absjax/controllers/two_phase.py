@@ -126,7 +126,8 @@ class TwoPhase(DriverBraking):
         slip = self.wheel.slip(signals.wheel_speed, signals.vehicle_speed)
         release, apply = signals.stiffness - self.chi_b, self.chi_a - signals.stiffness
         onward = pick(phase, (self.driver_guard(signals), release, apply, slip - 0.5 * self.slip_limit))
-        return onward, jnp.where(phase == 2, self.slip_limit - slip, -1.0)
+        limited = (phase == 2) & (self.slip_limit > -1)
+        return onward, jnp.where(limited, self.slip_limit - slip, -1.0)
 
     def switch(self, signals: Signals, state, phase, slot):
         """Release after driver braking, then one after the other."""

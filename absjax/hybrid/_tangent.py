@@ -45,7 +45,7 @@ def tangent(
     def end(parameters, time, state, step):
         tile = tile_of(parameters)
         slope = tile.flow(time, state, lanes.mode)
-        state = rk4_step(lambda t, x: tile.flow(t, x, lanes.mode), time, state, step, slope)
+        state, _ = rk4_step(lambda t, x: tile.flow(t, x, lanes.mode), time, state, step, slope)
         guard = pick(lanes.slot, tile.guards(time + step, state, lanes.mode)) if switches else None
         return state, guard
 

@@ -31,6 +31,10 @@ RECORD_BYTES = 2**28
 """Above this size of the record of all lanes, `checkpoint=None` recomputes segments instead."""
 
 
+LARGEST_STRAIN = 0.1
+"""Of random stops below it, distances are right to a few in 10^4; above, errors of some percent begin."""
+
+
 class Status(EndCode):
     """How a lane ended."""
 
@@ -38,6 +42,7 @@ class Status(EndCode):
     FINISHED = 1, "a jump ended the manoeuvre"
     BUDGET_EXHAUSTED = 2, "it was still under way when the scan ended: more switchings than max_events allows for", True
     DIVERGED = 3, "its state left the finite numbers; it keeps the last finite state", True
+    STEP_TOO_LARGE = 4, "it reached its end, but its flow is too fast for the step: errors add up; take a shorter", True
 
 
 class Rollout(NamedTuple):
@@ -49,6 +54,8 @@ class Rollout(NamedTuple):
         status: a `Status` code.
         events: switchings made.
         grazes: switchings whose guard only touched zero: no derivative of the instant is taken there.
+        strain: local errors of the steps, each as a share of the state, added up: an estimate. Above `LARGEST_STRAIN`
+            the lane counts as `Status.STEP_TOO_LARGE`.
         trajectory: grid points, if asked for.
         switches: log of the switchings, if asked for.
     """
@@ -59,6 +66,7 @@ class Rollout(NamedTuple):
     status: jax.Array
     events: jax.Array
     grazes: jax.Array
+    strain: jax.Array
     trajectory: Trajectory | None
     switches: SwitchLog | None
 
@@ -209,17 +217,15 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
             kept = jax.vmap(lambda x, m, lane, r: gather(start=(x, m), lane=lane, records=r), in_axes=(0, 0, 0, 1))(
                 state, mode, final, records
             )
+        ended = (final.mode < 0) | (final.index >= steps)
+        at_end = jnp.where(final.mode < 0, Status.FINISHED, jnp.where(ended, Status.COMPLETED, Status.BUDGET_EXHAUSTED))
         status = jnp.where(
             final.mode == DIVERGED,
             Status.DIVERGED,
-            jnp.where(
-                final.mode < 0,
-                Status.FINISHED,
-                jnp.where(final.index >= steps, Status.COMPLETED, Status.BUDGET_EXHAUSTED),
-            ),
+            jnp.where(ended & (final.strain > LARGEST_STRAIN), Status.STEP_TOO_LARGE, at_end),
         ).astype(jnp.int32)
         time = _step.time_of(grid, final)
-        return Rollout(time, final.state, final.mode, status, final.events, final.grazes, *kept)
+        return Rollout(time, final.state, final.mode, status, final.events, final.grazes, final.strain, *kept)
 
     tile = tile or min(TILE, max(SMALLEST_TILE, -(-lanes // len(jax.local_devices()))))
     result = over_tiles(roll, axes, lanes, tile)(system, state, mode)

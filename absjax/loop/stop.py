@@ -24,6 +24,7 @@ class Outcome(EndCode):
     BUDGET_EXHAUSTED = 2, "more switchings than max_events", True
     DIVERGED = 3, "the state left the finite numbers", True
     CONTROL_UNDEFINED = 4, "the controller came to where its law is not defined; distances are those up to there", True
+    STEP_TOO_LARGE = 5, "at its end, but its flow is too fast for the grid step; take a shorter", True
 
 
 class Stop(NamedTuple):
@@ -135,8 +136,15 @@ def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
             result.status == Status.FINISHED,
             result.status == Status.COMPLETED,
             result.status == Status.DIVERGED,
+            result.status == Status.STEP_TOO_LARGE,
         ],
-        [Outcome.CONTROL_UNDEFINED, Outcome.STOPPED, Outcome.STILL_MOVING, Outcome.DIVERGED],
+        [
+            Outcome.CONTROL_UNDEFINED,
+            Outcome.STOPPED,
+            Outcome.STILL_MOVING,
+            Outcome.DIVERGED,
+            Outcome.STEP_TOO_LARGE,
+        ],
         Outcome.BUDGET_EXHAUSTED,
     )
     longest = jnp.maximum(memory.longest_cycle, result.time - jnp.maximum(memory.cycle_time, memory.pedal_time))

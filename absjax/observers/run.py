@@ -84,7 +84,7 @@ def advance(observer: Observer, state: Any, before: Sample, after: Sample, perio
     # A loop of its own: unrolled, the compiler would repeat the first substeps inside the last ones.
     def substep(i, state):
         share = i.astype(before.y.dtype) / substeps
-        return rk4_step(flow, share, state, 1 / substeps, flow(share, state))
+        return rk4_step(flow, share, state, 1 / substeps, flow(share, state))[0]
 
     return lax.fori_loop(0, substeps, substep, state) if substeps > 1 else substep(jnp.zeros((), jnp.int32), state)
 

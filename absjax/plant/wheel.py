@@ -17,10 +17,10 @@ GRAVITY = 9.81
 class Wheel:
     """A braked wheel and the load it carries."""
 
-    inertia: Any = parameter("J, kg m^2", default=1.2, low=0.0, open_low=True)
-    radius: Any = parameter("R, m", default=0.3, low=0.0, open_low=True)
-    load: Any = parameter("Fz, vertical load, N", default=2500.0, low=0.0, open_low=True)
-    brake_efficiency: Any = parameter("gamma_b, N m/bar", default=17.5, low=0.0, open_low=True)
+    inertia: Any = parameter("J, kg m^2", default=1.2, low=0.0, high=100.0, open_low=True)
+    radius: Any = parameter("R, m", default=0.3, low=0.0, high=1.5, open_low=True)
+    load: Any = parameter("Fz, vertical load, N", default=2500.0, low=0.0, high=2e5, open_low=True)
+    brake_efficiency: Any = parameter("gamma_b, N m/bar", default=17.5, low=0.0, high=1e4, open_low=True)
 
     @property
     def mass(self):

@@ -7,7 +7,7 @@ import pytest
 
 from absjax.hybrid.rollout import Status, rollout
 from absjax.results import RolloutError
-from tests.systems import Decay, Explosion, Level, Oscillator, Race, Relay, Swing
+from tests.systems import Decay, Explosion, Level, Oscillator, Race, Relay, Swing, Twins
 
 START = Level(jnp.asarray(0.0))
 
@@ -148,3 +148,23 @@ def test_smooth_system_against_its_solution():
     path_gradient = jax.grad(lambda rate: jnp.sum(end(rate).trajectory.state.x))(jnp.asarray(0.8))
     t = np.asarray(result.trajectory.time)
     np.testing.assert_allclose(path_gradient, np.sum(-t * 3 * np.exp(-0.8 * t)), rtol=1e-8)
+
+
+def test_two_guards_that_mean_the_same_switch_once():
+    result = rollout(Twins(), Level(jnp.asarray(0.0)), step=0.3, steps=20, max_events=20)
+    assert (int(result.status), int(result.events)) == (Status.COMPLETED, 5)
+    np.testing.assert_allclose(float(result.state.x), 1.0, atol=1e-6)
+
+
+def test_strain_adds_up_local_errors_and_says_when_the_step_is_too_large():
+    step, steps = 0.01, 20
+    rates = np.array([1.0, 20.0, 60.0, 400.0])
+    result = rollout(Decay(rates), Level(jnp.ones(4)), step=step, steps=steps)
+    z = -rates * step
+    after = 1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24
+    last = z * (1 + z + z**2 / 2 + z**3 / 4)
+    share = np.abs(last - z * after) / 6 / (1 + np.abs(after) + np.abs(last) + np.abs(z * after))
+    np.testing.assert_allclose(result.strain, steps * share, rtol=1e-4, atol=1e-5)
+    assert list(np.asarray(result.status)) == [Status.COMPLETED] * 3 + [Status.STEP_TOO_LARGE]
+    with pytest.raises(RolloutError, match="lane 3: it reached its end, but its flow is too fast"):
+        result.raise_if_failed()

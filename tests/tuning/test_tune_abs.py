@@ -13,11 +13,11 @@ from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import certify_cycles
 from tuning.controllers.demo import limited
 from tuning.controllers.load import load_controller, plot_stop
-from tuning.controllers.problem import problem_of
+from tuning.controllers.problem import _bounded, problem_of
 from tuning.controllers.report import tuning_rows
 from tuning.controllers.result import TuningResult
 from tuning.controllers.setup import Setup
-from tuning.controllers.tune import tune_abs
+from tuning.controllers.tune import tune_abs, unstable_stops
 from tuning.core.command import configuration
 from tuning.core.config import ConfigError
 from tuning.core.files import read_json, write_json
@@ -291,3 +291,12 @@ def test_the_demo_begins_untuned():
     config = limited()
     assert config.known == () and set(config.start) == {"eps0_growth"}
     assert (config.pedal_rate, config.rate_limit, config.lag, config.threshold_floor) == (400.0, 750.0, 0.005, 10.0)
+
+
+def test_unstable_stops_are_named_and_pull_no_harder_than_others(result):
+    rows = [dataclasses.replace(result[0].rows[0], growth=value) for value in (2.1, -16.0, None)]
+    said = unstable_stops(rows)
+    assert len(said) == 2 and "-16 times as much" in said[0] and "beyond all bounds" in said[1]
+    assert all(row.growth is not None and abs(row.growth - 2) < 1 for row in result[0].rows)
+    long = np.array([[3.0, 4.0], [3e5, 4e5], [np.inf, 1.0]])
+    np.testing.assert_allclose(_bounded(long), [[3.0, 4.0], [6.0, 8.0], [0.0, 0.0]], rtol=1e-12)

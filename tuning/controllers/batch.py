@@ -11,6 +11,7 @@ import numpy as np
 
 from absjax.lanes import repeated, taken
 from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.growth import growth
 from absjax.loop.ideal import ideal_distance
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, Stop, stop
@@ -39,13 +40,22 @@ SAFETY_HORIZON = 1.5
 """Longest time allowed, as a multiple of the ideal stop's, plus one second."""
 
 
-def every_set_on_every_row(loop: ClosedLoop, parameters: Mapping[str, Any], rows: int) -> ClosedLoop:
-    """Lanes (rows * sets,) of a loop whose plant and driver carry the rows; the controller's parameters are (sets,)."""
-    sets = len(next(iter(parameters.values())))
-    own = {name: jnp.tile(values, rows) for name, values in parameters.items()}
+def on_every_row(parameters: Mapping[str, Any], rows: int) -> dict[str, Any]:
+    """Parameters of sets, (sets,), as lanes (rows * sets,)."""
+    return {name: jnp.tile(values, rows) for name, values in parameters.items()}
+
+
+def loop_of_lanes(loop: ClosedLoop, own: Mapping[str, Any], rows: int) -> ClosedLoop:
+    """A loop whose plant and driver carry the rows, with the controller's parameters of each lane, (lanes,)."""
+    sets = len(next(iter(own.values()))) // rows
     controller = dataclasses.replace(loop.controller, **own)  # pyright: ignore[reportArgumentType]
     plant, driver = repeated(loop.plant, sets), repeated(loop.driver, sets)
     return dataclasses.replace(loop, plant=plant, driver=driver, controller=controller)
+
+
+def every_set_on_every_row(loop: ClosedLoop, parameters: Mapping[str, Any], rows: int) -> ClosedLoop:
+    """Lanes (rows * sets,) of a loop whose plant and driver carry the rows; the controller's parameters are (sets,)."""
+    return loop_of_lanes(loop, on_every_row(parameters, rows), rows)
 
 
 @model
@@ -81,13 +91,28 @@ class Batch:
 
         `ticks`: steps between two tests of the guards, or 0 to locate switchings.
         """
-        sets = len(next(iter(parameters.values())))
-        loop = every_set_on_every_row(self.loop, parameters, self.rows)
+        return self.stops_of_lanes(on_every_row(parameters, self.rows), step, ticks)
+
+    def stops_of_lanes(self, own: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
+        """The same of parameters (rows * sets,), each lane's own."""
+        loop = loop_of_lanes(self.loop, own, self.rows)
         system = SampledLoop(loop, self.sensor, tick_every=ticks, substeps=self.substeps) if ticks else loop
-        tile = min(64, max(8, self.rows * sets // 4))
-        speed = jnp.repeat(self.speed, sets)
-        step = step or self.step
-        return stop(system, speed, horizon=self.horizon, step=step, max_events=self.max_events, tile=tile)
+        return stop(system, **self._how(own, step))
+
+    def growths(self, parameters: Mapping[str, Any]):
+        """`absjax.loop.growth.growth` of every set on every row, switchings located, (rows, sets)."""
+        own = on_every_row(parameters, self.rows)
+        return growth(loop_of_lanes(self.loop, own, self.rows), **self._how(own)).reshape(self.rows, -1)
+
+    def _how(self, own: Mapping[str, Any], step: float | None = None) -> dict[str, Any]:
+        lanes = len(next(iter(own.values())))
+        return {
+            "speed": jnp.repeat(self.speed, lanes // self.rows),
+            "horizon": self.horizon,
+            "step": step or self.step,
+            "max_events": self.max_events,
+            "tile": min(64, max(8, lanes // 4)),
+        }
 
     def losses(self, stops: Stop):
         """Distance over reference, (rows, sets), and what long cycles, long locks and failures are charged.
@@ -131,6 +156,14 @@ def _scored(batch: Batch, parameters, step, ticks):
     stops = batch.stops(parameters, step, ticks)
     kept = stops._replace(rollout=None)
     return batch.losses(stops), jax.tree.map(lambda leaf: leaf.reshape(batch.rows, -1), kept)
+
+
+_growths = jax.jit(lambda batch, parameters: batch.growths(parameters))
+
+
+def growths_of(batch: Batch, parameters: Mapping[str, float]) -> np.ndarray:
+    """Growth of the stops of one set, (rows,)."""
+    return np.asarray(_growths(batch, {name: np.array([float(value)]) for name, value in parameters.items()}))[:, 0]
 
 
 def scored(batch: Batch, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Scored:

@@ -23,6 +23,9 @@ from tuning.core.problem import Problem
 
 BREACH_CHARGE = 10.0
 """Added to the cost of a set that exceeds the limit on contraction: any set that keeps it is better."""
+LARGEST_GRADIENT = 10.0
+"""Of the loss of one stop, on the scales of the box. Where a stop is unstable, as `absjax.loop.growth` has it, its
+derivative may be 10^5 and holds nowhere: it counts with its direction, and no more than this."""
 FINALISTS = 8
 """Sets whose limit cycles are looked for in a generation, where contraction is limited."""
 
@@ -75,12 +78,12 @@ def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objectiv
     if members is not None:
         batch = batch.of(members)
 
-    def total(points):
-        costs = objective.costs(batch.losses(batch.stops(box.values(points))), smooth=True)
-        return costs.sum(), costs
-
     points = jnp.asarray(points)
-    (_, costs), gradients = jax.value_and_grad(total, has_aux=True)(points)
+    lanes = jnp.tile(points, (batch.rows, 1))
+    losses, pull = jax.vjp(lambda x: batch.losses(batch.stops_of_lanes(box.values(x))), lanes)
+    own = _bounded(pull(jnp.ones_like(losses))[0]).reshape(batch.rows, *points.shape)
+    costs, weigh = jax.vjp(lambda losses: objective.costs(losses, smooth=True), losses)
+    gradients = jnp.einsum("rs,rsp->sp", weigh(jnp.ones_like(costs))[0], own)
     if rigs is not None:
         largest, step = limits
         # Forward mode: the contraction is a second derivative, and its transpose takes twice as long to compile.
@@ -89,6 +92,14 @@ def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objectiv
         columns = jax.vmap(lambda e: push(jnp.broadcast_to(e, points.shape)))(jnp.eye(points.shape[1]))
         costs, gradients = costs + charged, gradients + columns.T
     return costs, gradients
+
+
+def _bounded(gradients):
+    """Gradients (lanes, parameters), none longer than `LARGEST_GRADIENT`; one that has overflowed counts as none."""
+    finite = jnp.all(jnp.isfinite(gradients), axis=1, keepdims=True)
+    gradients = jnp.where(finite, gradients, 0.0)
+    length = jnp.linalg.norm(gradients, axis=1, keepdims=True)
+    return gradients * jnp.minimum(1.0, LARGEST_GRADIENT / jnp.maximum(length, LARGEST_GRADIENT))
 
 
 def problem_of(config: TuningConfig) -> ControllerProblem:

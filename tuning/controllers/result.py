@@ -30,6 +30,8 @@ class ResultRow:
     untuned: StopFigures
     tuned: StopFigures
     sampled: StopFigures
+    growth: float | None = None
+    """of the tuned stop, located (`absjax.loop.growth`): 2 for a regular one; None in results of earlier versions"""
 
     @property
     def reached(self) -> bool | None:

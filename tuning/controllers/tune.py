@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from tuning.controllers.batch import scored
+from absjax.loop.growth import is_unstable
+from tuning.controllers.batch import growths_of, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import certify_cycles
 from tuning.controllers.phase_times import short_phases
@@ -30,10 +31,11 @@ def tune_abs(
     problem = problem_of(config)
     fitted = fit(problem, config, progress=progress, journal=journal)
     parameters = problem.setup.initial | fitted.values
+    rows = score(problem, parameters)
     return TuningResult(
         parameters=parameters,
-        rows=score(problem, parameters),
-        warnings=short_phases(problem.setup, problem.batch, parameters),
+        rows=rows,
+        warnings=short_phases(problem.setup, problem.batch, parameters) + unstable_stops(rows),
         cycles=certify_cycles(problem.setup, parameters),
         cost=fitted.cost,
         history=fitted.history,
@@ -48,6 +50,7 @@ def score(problem: ControllerProblem, parameters: dict[str, float]) -> list[Resu
     setup, batch = problem.setup, problem.batch
     both = {name: np.array([setup.initial[name], value]) for name, value in parameters.items()}
     located, sampled = scored(batch, both), scored(batch, both, *setup.sampled_grid())
+    growths = growths_of(batch, parameters)
     rows = [
         ResultRow(
             road=row.name,
@@ -59,7 +62,23 @@ def score(problem: ControllerProblem, parameters: dict[str, float]) -> list[Resu
             untuned=located.figures(i, 0),
             tuned=located.figures(i, 1),
             sampled=sampled.figures(i, 1),
+            growth=float(growths[i]) if np.isfinite(growths[i]) else None,
         )
         for i, row in enumerate(rows_of(setup.config))
     ]
     return sorted(rows, key=lambda row: (row.speed_kmh, row.ideal or 0.0))
+
+
+def unstable_stops(rows: list[ResultRow]) -> list[str]:
+    """A sentence for every row whose tuned stop is unstable."""
+    return [
+        f"{row.road}, {row.speed_kmh:g} km/h: the tuned stop is unstable, a small change of the initial speed changes "
+        f"the distance {_times(row.growth)} (2 times is regular); with any other circumstance it is another, and its "
+        "gradient says little"
+        for row in rows
+        if row.growth is None or is_unstable(row.growth)
+    ]
+
+
+def _times(growth: float | None) -> str:
+    return "beyond all bounds" if growth is None else f"{growth:.3g} times as much"
