@@ -47,6 +47,7 @@ class Cars:
         self.lever = np.array([s.cg_height / s.wheelbase if isinstance(s, TwoAxleStop) else 0.0 for s in stops])
         self.wheelbase = np.array([s.wheelbase if isinstance(s, TwoAxleStop) else 0.0 for s in stops])
         self.pitch_lag = np.array([s.pitch_lag if isinstance(s, TwoAxleStop) else 0.0 for s in stops])
+        self.pitch_rate = np.array([1 / lag if lag > 0 else 0.0 for lag in self.pitch_lag])
         self.mass = self.weight.sum(0) / GRAVITY
         self.downhill = GRAVITY * np.sin([s.road.slope for s in stops])
         self.free = np.array([0.0 if isinstance(s, Stop) and s.rig else 1.0 for s in stops])
@@ -57,7 +58,9 @@ class Cars:
         load = weight +- shift, shift = -lever sum(mu load).
         """
         slip = self.radius * w / v - 1
-        friction = np.sign(slip) * c[0] * (1 - np.exp(-c[1] * np.abs(slip))) - c[2] * slip
+        friction = np.copysign(c[0] * (1 - np.exp(-c[1] * np.abs(slip))), slip) - c[2] * slip
+        if len(friction) == 1:
+            return friction, self.weight, shift
         still, per_shift = (friction * self.weight).sum(0), (friction * self.sign).sum(0)
         at_once = -self.lever * still / (1 + self.lever * per_shift)
         shift = np.where(self.pitch_lag > 0, shift, at_once)
@@ -70,8 +73,8 @@ class Cars:
         force = friction * load
         dv = self.free * (force.sum(0) / self.mass + self.downhill)
         dw = (-self.radius * force - self.efficiency * pressure) / self.inertia
-        dw = np.where((w <= 0) & (dw < 0), 0.0, dw)
-        return dv, dw, (target - shift) / np.where(self.pitch_lag > 0, self.pitch_lag, np.inf)
+        dw[(w <= 0) & (dw < 0)] = 0.0
+        return dv, dw, (target - shift) * self.pitch_rate
 
     def step(self, y, h, pressures, roads):
         """Classical Runge-Kutta; pressures and coefficients at the start, the middle and the end."""
@@ -91,7 +94,7 @@ class Roads:
 
         def row(stop):
             values = [
-                (s.c1, s.c2, s.c3, stop.control.release_at * aim(s), stop.control.apply_at * aim(s))
+                (s.c1, s.c2, s.c3, release_slip(s, stop.control), stop.control.apply_at * aim(s))
                 for s in stop.road.surfaces
             ]
             return values + values[-1:] * (most - len(values))
@@ -121,6 +124,10 @@ class Roads:
 def aim(surface):
     """The slip that control works about: the peak's, kept away from standstill and from rolling."""
     return min(max(surface.peak_slip if surface.c3 > 0 else 0.06, 0.04), 0.5)
+
+
+def release_slip(surface, control):
+    return min(control.release_at * aim(surface), aim(surface) + control.release_beyond)
 
 
 class Lag:

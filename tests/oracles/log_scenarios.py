@@ -102,7 +102,7 @@ class AntiLock:
     """Pedal and anti-lock control of a wheel, each 1 ms, on its true slip and x2 = R w' - v'.
 
     Apply until the slip is beyond release_at; release until the wheel spins up with x2 > recovery; hold until the slip
-    is back at apply_at, or the wheel no longer spins up. Slips are in units of the surface's peak slip.
+    is back at apply_at, or the wheel no longer spins up.
     """
 
     pedal_at: float = 0.05
@@ -119,6 +119,9 @@ class AntiLock:
     release_rate: float = 750.0
     """bar/s"""
     release_at: float = 1.6
+    """in units of the surface's peak slip, as apply_at"""
+    release_beyond: float = 0.1
+    """of slip, the most that release_at lies beyond the peak: on stones it would be the lock"""
     apply_at: float = 0.5
     recovery: float = 15.0
     """m/s^2"""
@@ -227,6 +230,13 @@ class RigSweep:
     logging: Logging = Logging((*LOGGED, "force", "load"))
 
 
+def on_two_axles(stop: Stop, **changes) -> TwoAxleStop:
+    """The same stop by a two-axle car, declared as it is unless `changes` say otherwise."""
+    same = {name: getattr(stop, name) for name in ("speed", "road", "control", "brake")}
+    logging = dataclasses.replace(stop.logging, declared=None)
+    return TwoAxleStop(**{**same, "logging": logging, **changes})
+
+
 Scenario = Stop | TwoAxleStop | RigSweep
 
 
@@ -239,7 +249,7 @@ class Scatter:
     load: float = 0.0
     inertia: float = 0.0
     brake_lag: float = 0.0
-    """s, half-normal"""
+    """s, half-normal, on top"""
     pressure_zero: float = 0.0
     """bar"""
     accelerometer_bias: float = 0.0
@@ -259,6 +269,7 @@ def random_stops(
     speeds: tuple[float, float] = (15.0, 35.0),
     shortest: float = 0.5,
     car: Car | None = None,
+    brake: Brake | None = None,
     scatter: Scatter | None = None,
     control: AntiLock | None = None,
     logging: Logging | None = None,
@@ -276,7 +287,7 @@ def random_stops(
         logging: duration is the longest; sensors and columns of all.
     """
     rng = np.random.default_rng(seed)
-    car, scatter = car or Car(), scatter or Scatter()
+    car, brake, scatter = car or Car(), brake or Brake(), scatter or Scatter()
     control, logging = control or AntiLock(), logging or Logging()
 
     def normal():
@@ -316,7 +327,7 @@ def random_stops(
             road=road(speed, int(surfaces[rng.integers(len(surfaces))])),
             car=true,
             control=control,
-            brake=Brake(lag=abs(scatter.brake_lag * normal())),
+            brake=dataclasses.replace(brake, lag=brake.lag + abs(scatter.brake_lag * normal())),
             logging=dataclasses.replace(logging, sensors=sensors, declared=car, seed=int(rng.integers(2**31))),
         )
 

@@ -38,7 +38,7 @@ class Truth:
     brake_lag: float
     brake_delay: float
     signals: dict[str, np.ndarray]
-    """wheel_speed, vehicle_speed, brake_pressure (logged), acting_pressure, acceleration, force, load, slip, friction"""
+    """time, those of `COLUMNS`, acting_pressure, slip, friction"""
 
     def slips(self, i: int) -> np.ndarray:
         """Slips seen on surface i, once the road has settled."""
