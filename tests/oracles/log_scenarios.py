@@ -67,13 +67,15 @@ class Channel:
     delay: float = 0.0
     """s"""
     bias: float = 0.0
+    lowest: float = -math.inf
+    """less is not shown"""
 
 
 @dataclasses.dataclass(frozen=True)
 class Sensors:
     """Channels with the noise measured on the shipped logs (fourth differences)."""
 
-    wheel_speed: Channel = Channel(0.03)
+    wheel_speed: Channel = Channel(0.03, lowest=0.0)
     vehicle_speed: Channel = Channel(0.01)
     brake_pressure: Channel = Channel(0.2, quantum=0.05)
     acceleration: Channel = Channel(0.1)

@@ -40,6 +40,11 @@ class Truth:
     signals: dict[str, np.ndarray]
     """time, those of `COLUMNS`, acting_pressure, slip, friction"""
 
+    @property
+    def locks(self) -> bool:
+        """Whether the logged wheel comes to rest, or so near that its speed drowns in noise."""
+        return bool(self.signals["wheel_speed"].min() < 0.5)
+
     def slips(self, i: int) -> np.ndarray:
         """Slips seen on surface i, once the road has settled."""
         time = self.signals["time"]
@@ -141,4 +146,4 @@ def _logged(channel: Channel, time, values, at, rng) -> np.ndarray:
     sampled = sampled + channel.bias + channel.noise * rng.standard_normal(len(sampled))
     if channel.quantum:
         sampled = channel.quantum * np.round(sampled / channel.quantum)
-    return sampled[index]
+    return np.maximum(sampled, channel.lowest)[index]
