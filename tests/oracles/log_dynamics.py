@@ -67,8 +67,9 @@ class Cars:
         target = -self.lever * (still + per_shift * shift)
         return friction, self.weight + self.sign * shift, target
 
-    def rates(self, v, w, shift, pressure, c):
+    def rates(self, y, pressure, c):
         """v', w', shift'; a wheel that stands does not turn backwards."""
+        v, w, shift = y
         friction, load, target = self.forces(v, w, shift, c)
         force = friction * load
         dv = self.free * (force.sum(0) / self.mass + self.downhill)
@@ -78,10 +79,10 @@ class Cars:
 
     def step(self, y, h, pressures, roads):
         """Classical Runge-Kutta; pressures and coefficients at the start, the middle and the end."""
-        k1 = self.rates(*y, pressures[0], roads[0])
-        k2 = self.rates(*(x + h / 2 * k for x, k in zip(y, k1)), pressures[1], roads[1])
-        k3 = self.rates(*(x + h / 2 * k for x, k in zip(y, k2)), pressures[1], roads[1])
-        k4 = self.rates(*(x + h * k for x, k in zip(y, k3)), pressures[2], roads[2])
+        k1 = self.rates(y, pressures[0], roads[0])
+        k2 = self.rates([x + h / 2 * k for x, k in zip(y, k1)], pressures[1], roads[1])
+        k3 = self.rates([x + h / 2 * k for x, k in zip(y, k2)], pressures[1], roads[1])
+        k4 = self.rates([x + h * k for x, k in zip(y, k3)], pressures[2], roads[2])
         v, w, shift = (x + h / 6 * (a + 2 * b + 2 * c + d) for x, a, b, c, d in zip(y, k1, k2, k3, k4))
         return v, np.maximum(w, 0.0), shift
 
@@ -183,8 +184,8 @@ class Control:
         return (np.clip(pressure + rate * TICK, 0.0, s["pedal_pressure"]) - pressure) / TICK
 
 
-def drive(stops: list[Stop] | list[TwoAxleStop]) -> list[Trace]:
-    """Stops of as many axles, all together."""
+def drive(stops: list) -> list[Trace]:
+    """Runs `Stop`s, or `TwoAxleStop`s, all together."""
     cars = Cars(stops)
     shape = cars.weight.shape
     axles, logs = shape
@@ -212,7 +213,7 @@ def drive(stops: list[Stop] | list[TwoAxleStop]) -> list[Trace]:
         kept.append((y[0], y[1], logged, acting, felt, friction, load))
         if axles == 2:
             roads.follow(t, distance, cars.wheelbase)
-        dv, dw, _ = cars.rates(*y, acting, road[:3])
+        dv, dw, _ = cars.rates(y, acting, road[:3])
         slip = cars.radius * y[1] / y[0] - 1
         rate = control(t, commanded, slip, cars.radius * dw - dv, road[3], road[4])
         h = STEP * runs
