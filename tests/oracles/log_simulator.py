@@ -1,8 +1,7 @@
 """Brake logs from a simulator of its own: NumPy alone, nothing of the project's engine, models or readers.
 
-records = simulate(random_stops(200, seed=1))
-records[0].write_csv(folder / "stop.csv")     # and stop.json, the car as declared
-records[0].truth.surfaces[0].peak_friction
+`simulate` takes the scenarios of `log_scenarios`: `simulate(random_stops(200, seed=1))` gives 200 records, whose
+`write_csv` writes log and car, and whose `truth` says what they were made from.
 """
 
 import dataclasses
