@@ -100,6 +100,11 @@ class Tile:
     def tick(self, time, state, mode):
         return self._over(lambda s, t, x, m: s.tick(t, x, m), time, state, mode)
 
+    def importance(self, time, state, mode):
+        if not hasattr(self.system, "importance"):
+            return jnp.ones_like(time)
+        return self._over(lambda s, t, x, m: s.importance(t, x, m), time, state, mode)
+
     def ticking(self, lanes: Lanes):
         return (lanes.doing == NORMAL) & ((lanes.index + 1) % self.system.tick_every == 0)
 
@@ -310,6 +315,7 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
         decision = Decision(held, lanes.doing, lanes.slot, lanes.landing, lanes.missed_before, held & ~held)
     kept = decision.kept
     accepted = (lanes.doing == NORMAL) & ~kept
+    strain = _strain(lanes.state, reached, last, there.slope, step) * tile.importance(time, state, mode)
     failed = active & ~finite
     before, after = (lanes.state, lanes.local), (state, here)
     if here.guards:
@@ -328,7 +334,7 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
         slot=decision.slot,
         events=lanes.events + (~kept & (lanes.doing >= CROSSING)),
         grazes=lanes.grazes + (active & decision.grazed),
-        strain=lanes.strain + jnp.where(accepted, _strain(lanes.state, reached, last, there.slope, step), 0.0),
+        strain=lanes.strain + jnp.where(accepted, strain, 0.0),
         local=local,
     )
     return following, kept

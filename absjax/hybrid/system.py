@@ -21,6 +21,9 @@ class HybridSystem(Protocol):
     is not used in the current mode returns a negative constant. The number of slots is the same in
     every mode: the largest number of edges that leave one mode. No slots at all is a smooth system.
     Guards have to be smooth along the flow between switchings.
+
+    It may have `importance(time, state, mode)`, from 1 to 0: how much of an error made now is left in what the rollout
+    is for. The local errors that add up to the rollout's strain are weighted with it.
     """
 
     def flow(self, time: jax.Array, state: Any, mode: jax.Array) -> Any:

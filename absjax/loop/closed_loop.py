@@ -251,6 +251,10 @@ class ClosedLoop:
         state = state.with_channel(channel)._replace(memory=memory)
         return state, parts._replace(phase=following, pressure=pressure).encoded(self._phases)
 
+    def importance(self, time, state: LoopState, mode):
+        """Share (v / v0)^2 of the distance that is still ahead, with v0 the speed of the first switching."""
+        return jnp.minimum((self.plant.speed_of(time, state.plant) / state.memory.onset_speed) ** 2, 1.0)
+
     def flow(self, time, state: LoopState, mode) -> LoopState:
         """d(state)/dt."""
         signals = self.signals(time, state, mode)

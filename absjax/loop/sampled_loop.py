@@ -79,6 +79,10 @@ class SampledLoop:
         sampled = None if self.loop.observer is None else (zero, Sample.of(signals))
         return SampledState(state, (rate,) * (self.delay + 1), sampled, sensor)
 
+    def importance(self, time, state: SampledState, mode):
+        """That of the loop."""
+        return self.loop.importance(time, state.loop, mode)
+
     def flow(self, time, state: SampledState, mode) -> SampledState:
         """d(state)/dt under the rate that acts."""
         held = jax.tree.map(lambda _: None, state._replace(sensor=None))
