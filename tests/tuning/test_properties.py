@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tuning.controllers.config import TuningConfig
 from tuning.core.config import ConfigError
 from tuning.encoder.config import EncoderConfig
-from tuning.logs.brake_log import BrakeLog, read_log
+from tuning.logs.brake_log import read_log
 from tuning.logs.car import CarError, wheel_from
 from tuning.logs.edges import read_edges
 from tuning.logs.tables import LogError
@@ -90,20 +90,44 @@ def test_any_file_is_a_log_or_an_error_with_its_name(text, tmp_path):
             read(file)
 
 
-@QUICK
-@given(
-    row=st.integers(1, 299),
-    column=st.sampled_from(HEADER.split(",")),
-    written=st.sampled_from(["nan", "", "inf", "-1e3", "1e9", "text"]),
-)
-def test_one_bad_cell_among_good_ones_is_named(row, column, written, tmp_path):
+def smooth_log():
     time = np.arange(300) * 1e-3
     signals = {"time_s": time, "wheel_speed_rad_s": 60.0 - 20 * time, "vehicle_speed_m_s": 20.0 - 5 * time}
-    cells = {k: [f"{x:.6g}" for x in v] for k, v in {**signals, "brake_pressure_bar": 50.0 + 100 * time}.items()}
-    file = tmp_path / "one.csv"
+    return {k: [f"{x:.6g}" for x in v] for k, v in {**signals, "brake_pressure_bar": 50.0 + 100 * time}.items()}
+
+
+def written_to(file, cells):
     file.write_text("\n".join([HEADER, *(",".join(c) for c in zip(*cells.values()))]))
-    assert isinstance(read_log(file), BrakeLog)
+    return file
+
+
+@QUICK
+@given(
+    row=st.integers(1, 298),
+    column=st.sampled_from(HEADER.split(",")),
+    written=st.sampled_from(["inf", "-1e3", "1e9", "text"]),
+)
+def test_one_bad_cell_among_good_ones_is_named(row, column, written, tmp_path):
+    cells = smooth_log()
     cells[column][row] = written
-    file.write_text("\n".join([HEADER, *(",".join(c) for c in zip(*cells.values()))]))
     with pytest.raises(LogError, match=column):
-        read_log(file)
+        read_log(written_to(tmp_path / "one.csv", cells))
+
+
+@QUICK
+@given(
+    row=st.integers(1, 298),
+    column=st.sampled_from(HEADER.split(",")),
+    written=st.sampled_from(["nan", "", "NaN", "n/a"]),
+)
+def test_one_empty_cell_among_good_ones_is_bridged(row, column, written, tmp_path):
+    """On a line through its neighbours, and not measured; without its instant, nothing of a row is measured."""
+    cells = smooth_log()
+    whole = read_log(written_to(tmp_path / "whole.csv", cells))
+    cells[column][row] = written
+    log = read_log(written_to(tmp_path / "one.csv", cells))
+    np.testing.assert_allclose(log.time, whole.time, rtol=1e-12)
+    for name, own in zip(log.signals, HEADER.split(",")[1:]):
+        np.testing.assert_allclose(getattr(log, name), getattr(whole, name), atol=2e-3)
+        missing = np.flatnonzero(~log.measured[name]).tolist()
+        assert missing == ([row] if column in (own, "time_s") else [])

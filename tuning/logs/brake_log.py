@@ -1,7 +1,7 @@
-"""Brake logs: read, checked, in the project's units.
+"""Brake logs: read, checked, on a uniform grid, in the project's units.
 
-A log is a table with one row per sample. Columns of other names and units are declared, as in
-`{"vehicle_speed": "v_kmh:km/h"}`; nothing is renamed, converted or resampled without being told.
+Channels may have any names, units and rates; what reading makes of them is said in `BrakeLog.notes`, what looks wrong
+in `BrakeLog.doubts`, and what cannot be used is refused.
 """
 
 import dataclasses
@@ -10,46 +10,33 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
-from tuning.logs.tables import LogError, column_of, read_table
-from tuning.logs.units import FACTORS
+from tuning.logs.channel_map import COLUMNS, sources_of
+from tuning.logs.checks import check_agreement, check_sampling, check_values
+from tuning.logs.grid import Signal, gaps_of, grid_of
+from tuning.logs.quality import quality_of
+from tuning.logs.recording import LogError
+from tuning.logs.remarks import doubts_on, notes_on
+from tuning.logs.signals import signals_of
+from tuning.logs.tables import read_recording
 
-COLUMNS = {
-    "time": "time_s",
-    "wheel_speed": "wheel_speed_rad_s",
-    "vehicle_speed": "vehicle_speed_m_s",
-    "brake_pressure": "brake_pressure_bar",
-    "acceleration": "longitudinal_acceleration_m_s2",
-    "force": "longitudinal_force_n",
-    "load": "vertical_load_n",
-}
-"""Column of each signal, unless declared otherwise."""
-REQUIRED = ("time", "wheel_speed", "vehicle_speed", "brake_pressure")
 FEWEST_SAMPLES = 200
-LARGEST = {
-    "wheel_speed": (600.0, "rpm or deg/s"),
-    "vehicle_speed": (110.0, "km/h or mph"),
-    "brake_pressure": (400.0, "kPa, Pa or psi"),
-    "acceleration": (30.0, "another unit"),
-    "force": (5e4, "another unit"),
-    "load": (5e4, "another unit"),
-}
-"""Largest magnitude that is plausible, and the unit a larger one suggests."""
+SLOWEST = 1.0
+"""Vehicle speed below which a log is cut [m/s]: slip has no meaning at rest."""
 
 
 @dataclasses.dataclass(frozen=True)
 class BrakeLog:
-    """A checked brake log: arrays (samples,); signals that were not logged are None."""
+    """A checked brake log on a uniform grid: arrays (samples,); signals that were not logged are None."""
 
     name: str
     time: np.ndarray
-    """s, strictly increasing"""
+    """s, uniform"""
     wheel_speed: np.ndarray
-    """rad/s, > 0"""
+    """rad/s; 0 where the wheel is locked"""
     vehicle_speed: np.ndarray
-    """m/s, > 0"""
-    brake_pressure: np.ndarray
+    """m/s, at least `SLOWEST`"""
+    brake_pressure: np.ndarray | None = None
     """bar"""
     acceleration: np.ndarray | None = None
     """longitudinal, m/s^2, negative while braking"""
@@ -57,11 +44,24 @@ class BrakeLog:
     """longitudinal tyre force, N, negative while braking"""
     load: np.ndarray | None = None
     """vertical, N"""
+    measured: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
+    """by signal, bool (samples,): whether the sample is a measurement, not interpolated, held, clipped or stuck"""
+    resolution: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    """by signal, the step of its quantisation in its unit; 0 if that is lost in its noise"""
+    notes: tuple[str, ...] = ()
+    """what reading did"""
+    doubts: tuple[str, ...] = ()
+    """what looks wrong, and was not refused"""
 
     @property
     def period(self) -> float:
-        """Median sampling period [s]."""
+        """Sampling period [s]."""
         return float(np.median(np.diff(self.time)))
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Names of the signals that were logged, but for time."""
+        return tuple(name for name in COLUMNS if name != "time" and getattr(self, name) is not None)
 
     def window(self, start: float | None = None, end: float | None = None) -> "BrakeLog":
         """The samples with start <= time <= end.
@@ -75,9 +75,8 @@ class BrakeLog:
             raise LogError(
                 f"{self.name}: {inside.sum()} samples between {low:g} s and {high:g} s, {FEWEST_SAMPLES} needed"
             )
-        signals = {f.name: getattr(self, f.name) for f in dataclasses.fields(self) if f.name != "name"}
-        cut: dict[str, Any] = {k: None if v is None else v[inside] for k, v in signals.items()}
-        return BrakeLog(self.name, **cut)
+        cut: dict[str, Any] = {name: getattr(self, name)[inside] for name in ("time", *self.signals)}
+        return dataclasses.replace(self, **cut, measured={name: mask[inside] for name, mask in self.measured.items()})
 
 
 def parse_columns(declarations: str | None) -> dict[str, str]:
@@ -113,7 +112,7 @@ def read_log(
     """Read and check a brake log.
 
     Args:
-        path: of a format of `tuning.logs.tables.READERS`, with a header row.
+        path: of a format of `tuning.logs.tables.READERS`.
         columns: signal -> "column" or "column:unit", where they differ from `COLUMNS`.
         start, end: window of time to use [s].
         radius: wheel radius [m], for the test whether wheel and vehicle speed are in their units.
@@ -122,121 +121,69 @@ def read_log(
         LogError: naming file, column and row of whatever keeps the log from being used.
     """
     path = Path(path)
-    wanted = {**COLUMNS, **_checked_signals(columns or {})}
-    table = read_table(path)
-    signals = {}
-    for signal, declared in wanted.items():
-        column, _, unit = declared.partition(":")
-        optional = signal not in REQUIRED and signal not in (columns or {})
-        if column not in table.columns:
-            if optional:
-                continue
-            raise LogError(f"{path}: no column {column!r} for {signal}; there are {', '.join(map(str, table.columns))}")
-        factor = FACTORS[signal].get(unit or next(iter(FACTORS[signal])))
-        if factor is None:
-            raise LogError(
-                f"{path}, column {column!r}: unit {unit!r} is unknown; {signal} may be in {', '.join(FACTORS[signal])}"
-            )
-        signals[signal] = _numbers(path, column, column_of(table, column)) * factor
-    names = {signal: wanted[signal].partition(":")[0] for signal in signals}
-    _check_time(path, names["time"], signals["time"])
-    inside = _inside(signals["time"], start, end)
-    first_row = int(np.argmax(inside)) + 2
-    log = BrakeLog(name=path.name, **signals).window(start, end)
-    _check_values(path, names, log, first_row)
-    _check_agreement(path, names, log, radius)
+    recording = read_recording(path)
+    sources, notes = sources_of(recording, _checked_signals(columns or {}))
+    signals, left_out = signals_of(recording, sources)
+    clock = next((source.channel.name for source in sources if source.signal == "time"), "time")
+    for signal in signals:
+        if signal.time.size < 2:
+            raise LogError(f"{path}, column {signal.channel.name!r}: {signal.time.size} samples of {signal.name}")
+    if max(signal.time.size for signal in signals) < FEWEST_SAMPLES:
+        most = max(signal.time.size for signal in signals)
+        raise LogError(f"{path}: {most} samples, {FEWEST_SAMPLES} needed")
+    check_sampling(path, clock, min(float(np.median(np.diff(signal.time))) for signal in signals))
+    signals = _windowed(path, signals, start, end)
+    check_values(path, signals)
+    qualities = [quality_of(signal.name, signal.time, signal.values) for signal in signals]
+    for signal, quality in zip(signals, qualities):
+        try:
+            gaps_of(signal, quality.taken)
+        except LogError as error:
+            raise LogError(f"{path}, {error}") from None
+    grid = grid_of(signals, qualities)
+    if grid.time.size < FEWEST_SAMPLES:
+        raise LogError(f"{path}: {grid.time.size} samples of all signals together, {FEWEST_SAMPLES} needed")
+    log = BrakeLog(
+        path.name,
+        grid.time,
+        **grid.values,
+        measured=grid.measured,
+        resolution={signal.name: quality.resolution for signal, quality in zip(signals, qualities)},
+        notes=(*recording.notes, *notes, *left_out, *notes_on(signals, qualities, grid)),
+        doubts=tuple(doubts_on(signals, qualities)),
+    )
+    log = _moving(path, log)
+    check_agreement(path, {signal.name: signal.channel.name for signal in signals}, log, radius)
     return log
 
 
-def _inside(time, start, end):
-    return (time >= (-np.inf if start is None else start)) & (time <= (np.inf if end is None else end))
+def _windowed(path: Path, signals: list[Signal], start: float | None, end: float | None) -> list[Signal]:
+    low, high = -np.inf if start is None else start, np.inf if end is None else end
+    cut = [signal.only((signal.time >= low) & (signal.time <= high)) for signal in signals]
+    most = max(signal.time.size for signal in cut)
+    if most < FEWEST_SAMPLES or min(signal.time.size for signal in cut) < 2:
+        raise LogError(f"{path}: {most} samples between {low:g} s and {high:g} s, {FEWEST_SAMPLES} needed")
+    return cut
 
 
-def _numbers(path: Path, column: str, cells: pd.Series) -> np.ndarray:
-    values = np.asarray(pd.to_numeric(cells, errors="coerce"), float)
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
-        shown = cells.iloc[bad[0]] or "empty"
+def _moving(path: Path, log: BrakeLog) -> BrakeLog:
+    """The longest stretch in which the vehicle moves.
+
+    Raises:
+        LogError: if it is too short.
+    """
+    moving = log.vehicle_speed >= SLOWEST
+    if moving.all():
+        return log
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], moving, [False]]).astype(int)))
+    first, last = edges[::2], edges[1::2] - 1
+    if not first.size or (last - first).max() + 1 < FEWEST_SAMPLES:
+        most = int((last - first).max()) + 1 if first.size else 0
         raise LogError(
-            f"{path}, column {column!r}, row {bad[0] + 2}: {shown!r} is not a finite number ({bad.size} such rows)"
+            f"{path}: {most} samples in a row in which the vehicle is faster than {SLOWEST:g} m/s, "
+            f"{FEWEST_SAMPLES} needed; slip has no meaning at rest"
         )
-    return values
-
-
-def _check_time(path: Path, column: str, time: np.ndarray) -> None:
-    if time.size < FEWEST_SAMPLES:
-        raise LogError(f"{path}: {time.size} samples, {FEWEST_SAMPLES} needed")
-    steps = np.diff(time)
-    for bad, what in ((steps == 0, "repeats the time before it"), (steps < 0, "goes back in time")):
-        if bad.any():
-            row = int(np.argmax(bad)) + 3
-            raise LogError(f"{path}, column {column!r}, row {row}: {time[row - 2]:g} s {what}")
-    period = np.median(steps)
-    gaps = np.flatnonzero(steps > 5 * period)
-    if gaps.size:
-        raise LogError(
-            f"{path}, column {column!r}, row {gaps[0] + 3}: a gap of {steps[gaps[0]]:g} s; "
-            f"the sampling period is {period:g} s"
-        )
-    if not 1e-5 <= period <= 0.05:
-        raise LogError(
-            f"{path}, column {column!r}: sampling period {period:g} s; 10 us to 50 ms can be used. Is time in s?"
-        )
-
-
-def _check_values(path: Path, names: Mapping[str, str], log: BrakeLog, first_row: int) -> None:
-    for signal, (largest, other) in LARGEST.items():
-        values = getattr(log, signal)
-        if values is not None and np.abs(values).max() > largest:
-            row = int(np.argmax(np.abs(values)))
-            raise LogError(
-                f"{path}, column {names[signal]!r}, row {row + first_row}: {values[row]:g} is not plausible "
-                f"for {signal} in {next(iter(FACTORS[signal]))}; is it in {other}? "
-                f"Declare it as {signal}={names[signal]}:UNIT"
-            )
-    for signal in ("vehicle_speed", "wheel_speed"):
-        values = getattr(log, signal)
-        if (values <= 0).any():
-            row = int(np.argmax(values <= 0))
-            raise LogError(
-                f"{path}, column {names[signal]!r}, row {row + first_row}: {signal} is {values[row]:g} "
-                f"at {log.time[row]:g} s; slip has no meaning there, end the window before"
-            )
-    for signal in ("wheel_speed", "vehicle_speed", "brake_pressure", "acceleration", "force"):
-        values = getattr(log, signal)
-        if values is not None and np.ptp(values) == 0:
-            raise LogError(
-                f"{path}, column {names[signal]!r}: {signal} never changes from {values[0]:g}; is the sensor connected?"
-            )
-    if np.median(log.brake_pressure) < 0:
-        raise LogError(
-            f"{path}, column {names['brake_pressure']!r}: mostly negative; braking pressure must be positive"
-        )
-    for signal in ("force", "acceleration"):
-        values = getattr(log, signal)
-        if values is not None and np.median(values) > 0 and np.median(values) > np.std(values):
-            raise LogError(
-                f"{path}, column {names[signal]!r}: mostly positive; {signal} must be negative while braking"
-            )
-    if log.load is not None and (log.load <= 0).any():
-        row = int(np.argmax(log.load <= 0))
-        raise LogError(f"{path}, column {names['load']!r}, row {row + first_row}: vertical load is {log.load[row]:g} N")
-
-
-def _check_agreement(path: Path, names: Mapping[str, str], log: BrakeLog, radius: float) -> None:
-    """Units that are wrong by orders of magnitude without being implausible by themselves."""
-    ratio = float(np.quantile(radius * log.wheel_speed / log.vehicle_speed, 0.99))
-    if not 0.5 < ratio < 1.6:
-        raise LogError(
-            f"{path}, columns {names['wheel_speed']!r} and {names['vehicle_speed']!r}: a rolling wheel "
-            f"of radius {radius:g} m would have R w / v near 1, here it is {ratio:.3g}; "
-            "one of them is in another unit, or the radius is wrong"
-        )
-    if log.acceleration is not None:
-        lost = log.vehicle_speed[0] - log.vehicle_speed[-1]
-        integral = -np.trapezoid(log.acceleration, log.time)
-        if lost > 3 and not 0.5 < integral / lost < 2:
-            raise LogError(
-                f"{path}, column {names['acceleration']!r}: it integrates to {integral:.3g} m/s where the vehicle lost "
-                f"{lost:.3g} m/s; is it in g?"
-            )
+    longest = int(np.argmax(last - first))
+    start, end = float(log.time[first[longest]]), float(log.time[last[longest]])
+    note = f"cut to {start:g} to {end:g} s: elsewhere the vehicle is slower than {SLOWEST:g} m/s"
+    return dataclasses.replace(log.window(start, end), notes=(*log.notes, note))

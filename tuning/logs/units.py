@@ -10,3 +10,8 @@ FACTORS: dict[str, dict[str, float]] = {
     "load": {"N": 1.0, "kN": 1e3},
 }
 """By signal, then by unit; the first unit of each is the project's own."""
+
+
+def is_unit(text: str) -> bool:
+    """Whether a cell of a header is a unit."""
+    return any(text in units for units in FACTORS.values())

@@ -39,6 +39,8 @@ def observer_signals(log: BrakeLog, wheel: Wheel, window: float = WINDOW) -> Log
     Raises:
         LogError: if the sampling is not uniform, or the window is shorter than five samples.
     """
+    if log.brake_pressure is None:
+        raise LogError(f"{log.name}: no brake pressure; an observer needs it")
     steps = np.diff(log.time)
     if np.ptp(steps) > 0.01 * log.period:
         raise LogError(f"{log.name}: sampled every {steps.min():g} to {steps.max():g} s; an observer needs one period")

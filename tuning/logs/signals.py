@@ -1,0 +1,72 @@
+"""From channels to signals: cells to numbers, numbers to the project's units, samples at increasing instants."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from tuning.logs.channel_map import Source
+from tuning.logs.grid import Signal
+from tuning.logs.recording import Channel, LogError, Recording, numbers
+
+
+def signals_of(recording: Recording, sources: Sequence[Source]) -> tuple[list[Signal], list[str]]:
+    """The signals of a recording, but for time, each at the instants at which it has a measurement; and notes.
+
+    Args:
+        recording: what the file holds.
+        sources: where signals come from, `time` among them if channels do not bring their own.
+
+    Raises:
+        LogError: naming file, column and row of a cell that is no number, or a time that does not increase.
+    """
+    clock = next((source for source in sources if source.signal == "time"), None)
+    rest = [source for source in sources if source.signal != "time"]
+    cells = {source.signal: numbers(recording.path, source.channel) for source in rest}
+    notes: list[str] = []
+    if clock is None:
+        found = []
+        for source in rest:
+            assert source.channel.time is not None
+            kept = _increasing(recording, source.channel, source.channel.time, [cells[source.signal]], notes)
+            found.append(_signal(source, source.channel.time[kept], cells[source.signal][kept], kept))
+        return found, notes
+    time = clock.converted(numbers(recording.path, clock.channel))
+    for source in rest:
+        if len(cells[source.signal]) != len(time):
+            raise LogError(
+                f"{recording.path}, column {source.channel.name!r}: {len(cells[source.signal])} samples, "
+                f"{clock.channel.name!r} has {len(time)}"
+            )
+    kept = _increasing(recording, clock.channel, time, list(cells.values()), notes)
+    return [_signal(source, time[kept], cells[source.signal][kept], kept) for source in rest], notes
+
+
+def _signal(source: Source, time: np.ndarray, cells: np.ndarray, index: np.ndarray) -> Signal:
+    there = np.isfinite(cells)
+    return Signal(
+        source.signal,
+        source.channel,
+        time[there] - source.delay,
+        source.converted(cells[there]),
+        index[there],
+    )
+
+
+def _increasing(recording: Recording, clock: Channel, time: np.ndarray, cells: list[np.ndarray], notes: list[str]):
+    """Indices of the samples to keep: rows without a time, and repeated rows, left out."""
+    kept = np.flatnonzero(np.isfinite(time))
+    if kept.size < len(time):
+        notes.append(f"{len(time) - kept.size} rows without a time left out")
+    repeated = np.flatnonzero(np.diff(time[kept]) == 0) + 1
+    if repeated.size:
+        here, before = kept[repeated], kept[repeated - 1]
+        same = np.all([(c[here] == c[before]) | np.isnan(c[here]) for c in cells], axis=0)
+        if same.all():
+            kept = np.delete(kept, repeated)
+            notes.append(f"{repeated.size} rows that repeat the row before left out")
+    steps = np.diff(time[kept])
+    for bad, what in ((steps == 0, "repeats the time before it"), (steps < 0, "goes back in time")):
+        if bad.any():
+            at = int(kept[int(np.argmax(bad)) + 1])
+            raise LogError(f"{recording.path}, column {clock.name!r}, {clock.place(at)}: {time[at]:g} s {what}")
+    return kept
