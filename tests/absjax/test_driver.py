@@ -196,12 +196,13 @@ def test_single_precision_keeps_its_type(by_hand):
 
 
 def pressures(system, speed, steps):
-    """Time and pressure at the wheel, (points,)."""
+    """Time, pressure at the wheel, and pressure as commanded, ahead of lag and delay, (points,)."""
     result = stop(system, speed, horizon=steps * 1e-3, step=1e-3, save_every=1)
     path, valid = result.rollout.trajectory, np.asarray(result.rollout.trajectory.valid)
     loop = system.loop if isinstance(system, SampledLoop) else system
     state = path.state.loop if isinstance(system, SampledLoop) else path.state
-    return np.asarray(path.time)[valid], np.asarray(loop.wheel_pressure(state))[valid]
+    found = path.time, loop.wheel_pressure(state), state.brake.commanded
+    return [np.asarray(x)[valid] for x in found]
 
 
 def reached_by_foot(time):
@@ -214,11 +215,13 @@ def reached_by_foot(time):
 
 @pytest.mark.parametrize("sampled", [False, True], ids=["located", "sampled"])
 def test_the_pressure_is_never_above_the_foot_nor_below_zero(sampled):
-    greedy = FivePhase(eps0=30.0, u1=90000.0, u3=90000.0, u4=90000.0)
+    """Releases are long enough to end at zero."""
+    greedy = FivePhase(eps0=30.0, eps1=60.0, eps2=70.0, u1=9e4, u3=9e4, u4=9e4, longest_release=0.1)
     loop = loop_of(greedy, delay=8e-3)
-    time, pressure = pressures(SampledLoop(loop) if sampled else loop, SPEED, 2500)
-    allowed = reached_by_foot(time)
-    assert pressure.min() >= -1e-9 and np.all(pressure <= allowed + 1e-9)
+    time, pressure, commanded = pressures(SampledLoop(loop) if sampled else loop, SPEED, 2500)
+    for bounded in (pressure, commanded):
+        assert bounded.min() >= -1e-9 and np.all(bounded <= reached_by_foot(time) + 1e-9)
+    assert np.any(commanded[(time > 0.1) & (time < 1.0)] == 0.0)
     assert np.any(pressure > 10.0) and pressure[(time > 1.1) & (time < 1.25)].max() < 1e-9
 
 
