@@ -215,10 +215,11 @@ def reached_by_foot(time):
 
 @pytest.mark.parametrize("sampled", [False, True], ids=["located", "sampled"])
 def test_the_pressure_is_never_above_the_foot_nor_below_zero(sampled):
-    """Releases are long enough to end at zero."""
-    greedy = FivePhase(eps0=30.0, eps1=60.0, eps2=70.0, u1=9e4, u3=9e4, u4=9e4, longest_release=0.1)
+    """Releases are long enough to end at zero, and one is still asked for when the foot is off."""
+    greedy = FivePhase(eps0=30.0, eps1=50.0, eps2=60.0, u1=9e4, u3=9e4, u4=9e4, longest_release=0.1)
     loop = loop_of(greedy, delay=8e-3)
     time, pressure, commanded = pressures(SampledLoop(loop) if sampled else loop, SPEED, 2500)
+    assert time[-1] > 1.5
     for bounded in (pressure, commanded):
         assert bounded.min() >= -1e-9 and np.all(bounded <= reached_by_foot(time) + 1e-9)
     assert np.any(commanded[(time > 0.1) & (time < 1.0)] == 0.0)
