@@ -1,5 +1,7 @@
 """A tuned set as something to use: read back from `result.json`, and its stops drawn.
 
+From the file that `tune-abs` wrote:
+
     controller = load_controller("result.json")
     plot_stop("result.json", "wet_asphalt", 120).savefig("stop.png")
 """
