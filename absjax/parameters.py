@@ -47,7 +47,9 @@ def parameter(
     Args:
         doc: one line: symbol, unit, and shape where it is not a scalar.
         default: value when the field is not given; `None` marks an optional part that is absent.
-        low, high: bounds of every entry; `open_low` excludes `low` itself.
+        low: lower bound of every entry.
+        high: upper bound of every entry.
+        open_low: whether `low` itself is excluded.
         trainable: whether tuning and identification adjust it unless told otherwise.
         span: (low, high) between which a tuner looks; None: from a twentieth of where it starts to five times that.
         ndim: number of axes for one lane; a value with one more is an ensemble, lanes first.

@@ -1,6 +1,7 @@
 """The documentation: what it shows runs, where it points to exists, every command has its section."""
 
 import json
+import os
 import re
 import sys
 import types
@@ -52,6 +53,7 @@ def anchors(page: Path) -> set[str]:
 def test_what_is_shown_runs(page, monkeypatch):
     """A page is a module, of the name it gives itself where it names its own components."""
     monkeypatch.setattr(tables, "READERS", dict(tables.READERS))
+    monkeypatch.setenv("XLA_FLAGS", os.environ["XLA_FLAGS"])
     module = types.ModuleType("mine")
     monkeypatch.setitem(sys.modules, "mine", module)
     for number, block in enumerate(blocks(page, "python"), start=1):

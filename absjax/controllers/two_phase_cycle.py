@@ -53,9 +53,11 @@ def kappa_of(c, d, zref, chi_a, chi_b):
     """kappa of eq. 4.14 [s^2/m].
 
     Args:
-        c, d: c2 and c2 c3 of the road.
+        c: c2 of the road.
+        d: c2 c3 of the road.
         zref: acceleration offset followed, m/s^2.
-        chi_a, chi_b: thresholds on XBS.
+        chi_a: lower threshold on XBS.
+        chi_b: upper threshold on XBS.
 
     Raises:
         ValueError: unless c > 0, zref > 0, and -d/c < chi_a < chi_b: XBS of that road never falls to chi_a.
@@ -86,8 +88,12 @@ def two_phase_cycle(c, d, *, zref, gain, chi_a, chi_b) -> TwoPhaseCycle:
     """The limit cycle of a two-phase controller on a road; arguments broadcast, differentiable.
 
     Args:
-        c, d: c2 and c2 c3 of the road.
-        zref, gain, chi_a, chi_b: of `absjax.controllers.two_phase.TwoPhase`.
+        c: c2 of the road.
+        d: c2 c3 of the road.
+        zref: acceleration offset followed, m/s^2.
+        gain: kp, with which it is followed, m/s^2.
+        chi_a: lower threshold on XBS.
+        chi_b: upper threshold on XBS.
 
     Raises:
         ValueError: unless c, zref and gain are positive and -d/c < chi_a < chi_b.

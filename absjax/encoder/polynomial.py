@@ -21,7 +21,8 @@ def unit_interval(intervals, teeth, counts, dtype) -> tuple[jax.Array, jax.Array
     """Stamps shifted and scaled to the unit interval.
 
     Args:
-        intervals, teeth: times and teeth between successive edges, newest first, (n - 1,).
+        intervals: times between successive edges, newest first, (n - 1,).
+        teeth: teeth between them, (n - 1,).
         counts: which of the n edges count, newest first, (n,).
 
     Returns:

@@ -8,7 +8,7 @@ What the pressure does is part of the mode: it follows the pedal, follows the co
 import jax.numpy as jnp
 
 from absjax.loop._modes import AT_ZERO, FREE, ON_PEDAL, Mode
-from absjax.loop.driver import NEVER, Driver, Pedal
+from absjax.loop.driver import NEVER, OFF, Driver, Pedal
 from absjax.plant.base import Actuator
 
 LEAVING_RATE = 1.0
@@ -26,6 +26,8 @@ def guard(driver: Driver, brake, pedal: Pedal, parts: Mode, rate):
     above = jnp.where(ahead > 0, pressure - pedal.level, NEVER)
     below = jnp.where(rate < 0, -pressure, NEVER)
     leaving = jnp.where(parts.pressure == ON_PEDAL, -ahead, rate) - LEAVING_RATE
+    # Under a foot that is off both limits are zero, and a command still held from before has nowhere to go.
+    leaving = jnp.where(parts.foot == OFF, NEVER, leaving)
     return jnp.where(parts.pressure == FREE, jnp.maximum(above, below), leaving)
 
 

@@ -92,7 +92,12 @@ def stop(
         loop: the closed loop; its `stop_speed` must be set. Leaves with a leading axis make an ensemble.
         speed: initial speed [m/s], scalar or (lanes,).
         horizon: longest time allowed [s].
-        step, max_events, save_every, save_switches, checkpoint, tile: see `absjax.hybrid.rollout.rollout`.
+        step: grid step [s]; this and what follows as for `absjax.hybrid.rollout.rollout`.
+        max_events: switchings a lane may make.
+        save_every: keep every so many grid points; 0 keeps none.
+        save_switches: keep the log of the switchings.
+        checkpoint: recompute segments in the reverse pass.
+        tile: lanes per batch.
 
     Returns:
         A `Stop`, differentiable with respect to loop and speed.

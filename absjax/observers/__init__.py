@@ -1,4 +1,4 @@
-"""Observers of the extended braking stiffness."""
+"""Observers of the extended braking stiffness, their gains and certificates."""
 
 from absjax.observers.base import Design
 from absjax.observers.designs import Adaptive, ConstantStiffness, KnownRoad, UnknownRoad

@@ -117,7 +117,8 @@ def switched_certificate(A, plus, minus, extra: Iterable[Condition] = ()) -> Cer
 
     Args:
         A: (n, n), in scaled time.
-        plus, minus: K+ and K-, (n,).
+        plus: K+, (n,).
+        minus: K-, (n,).
         extra: further conditions.
 
     Raises:

@@ -80,7 +80,8 @@ def place(A, C, polynomial):
     """The gain K, array (n,), that gives A - K C the characteristic polynomial: T K = polynomial - alpha.
 
     Args:
-        A, C: observable pair, (n, n) and (n,).
+        A: with C an observable pair, (n, n).
+        C: the output, (n,).
         polynomial: monic, highest power first, array (n + 1,).
 
     Raises:
@@ -119,7 +120,8 @@ def partner(A, C, plus, ratio: Any = 1.0) -> GainPair:
     P^-1 C' = (1 - (-1)^k) p_k: no condition number of P enters.
 
     Args:
-        A, C: observable pair, (n, n) and (n,).
+        A: with C an observable pair, (n, n).
+        C: the output, (n,).
         plus: K+, array (n,), such that A - K+ C is Hurwitz.
         ratio: rho > 0 of the module's equation.
 

@@ -55,7 +55,10 @@ def require_stable(observer: Observer, state: Any, y, speed, step) -> None:
     """Check the integration step of an observer in the loop, after a rollout.
 
     Args:
-        state, y, speed: along the run, arrays of equal shape; what is not finite is left out.
+        observer: with its gains.
+        state: along the run, arrays of equal shape; what is not finite is left out.
+        y: its measured output there.
+        speed: the vehicle speed there.
         step: of the integration, s.
 
     Raises:

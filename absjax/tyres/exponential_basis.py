@@ -73,8 +73,10 @@ def fit_exponential_basis(slip, friction, *, rate1: float = 22.0, rate2: float =
     """Unweighted linear least squares of `ExponentialBasis` to points (slip, friction).
 
     Args:
-        slip, friction: arrays (points,), any sign of slip.
-        rate1, rate2: the rates, which are not fitted.
+        slip: of the points, (points,), any sign.
+        friction: of the points, (points,).
+        rate1: d1, the slow rate, which is not fitted.
+        rate2: d2, the fast rate, which is not fitted.
 
     Raises:
         ValueError: with fewer than three points, or shapes that differ.

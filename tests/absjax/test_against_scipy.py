@@ -6,6 +6,7 @@ import pytest
 from absjax.controllers.five_phase import FivePhase
 from absjax.hybrid.rollout import rollout
 from absjax.tyres.surfaces import SURFACES
+from tests.oracles import five_phase
 from tests.oracles.automaton import until_switching
 from tests.oracles.quarter_car import GRAVITY, RADIUS, coefficients, friction, offset, spin
 from tests.systems import five_phase_loop
@@ -17,27 +18,25 @@ SPEED, END = 20.0, 1.2
 def scipy_stop(c, lag=None):
     """Distance, number of switchings and speed at END; written without the project's models."""
     p = FivePhase()
-    rates = [3 * p.u4, -p.u1, 0.0, p.u3, p.u4, 0.0]
 
     def x2(y):
         return offset(y[0], y[1], y[-1], c)
 
     def flow(t, y):
         dv, dw = GRAVITY * friction(y[0], y[1], c), spin(y[0], y[1], y[-1], c)
-        slope = [dv, dw, y[0], rates[mode] / (RADIUS * y[1])]
+        rim = RADIUS * y[1]
+        slope = [dv, dw, y[0], five_phase.rate(mode, rim, p) if mode else 3 * p.u4 / rim]
         return slope if lag is None else [*slope, (y[3] - y[4]) / lag]
 
     def guards(t, y):
-        x = x2(y)
-        onward = [-p.eps0 - x, x - p.eps1, x - p.eps2, p.eps3 - x, -p.eps4 - x, -p.eps5 - x][mode]
-        return [onward, p.fallback * p.eps1 - x] if mode == 2 else [onward]
+        return [guard for guard, _ in five_phase.edges(mode, x2(y), p)]
 
     y, t, mode, count = [SPEED, SPEED / RADIUS, 0.0, 0.0] + ([] if lag is None else [0.0]), 0.0, 0, 0
     while True:
         t, y, fired = until_switching(flow, guards, t, y, END, rtol=1e-11, atol=1e-11)
         if fired is None:
             return y[2], count, y[0]
-        mode, count = 4 if fired else 1 if mode == 5 else mode + 1, count + 1
+        mode, count = five_phase.edges(mode, x2(y), p)[fired][1], count + 1
 
 
 @pytest.mark.parametrize("road, lag", [*((road, None) for road in ROADS), ("dry_asphalt", 5e-3)])

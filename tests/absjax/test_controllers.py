@@ -29,6 +29,7 @@ from absjax.plant.road import UniformRoad
 from absjax.plant.wheel import Wheel
 from absjax.results import UNDEFINED
 from absjax.tyres.surfaces import SURFACES
+from tests.oracles import five_phase
 from tests.oracles.automaton import runge_kutta, until_switching
 from tests.oracles.quarter_car import GRAVITY, RADIUS, A, B, coefficients, friction, offset
 
@@ -88,15 +89,11 @@ def nothing(s, kept, p):
 
 
 def five_rate(mode, s, kept, p):
-    return [0.0, -p.u1, 0.0, p.u3, p.u4, 0.0][mode] / s.rim
+    return five_phase.rate(mode, s.rim, p)
 
 
 def five_edges(mode, s, kept, p):
-    x = s.x2
-    onward = [-p.eps0 - x, x - p.eps1, x - p.eps2, p.eps3 - x, -p.eps4 - x, -p.eps5 - x][mode]
-    ways = [(onward, 1 if mode == 5 else mode + 1)]
-    back = {1: s.t - kept[0] - p.longest_release, 2: p.fallback * p.eps1 - x, 5: x + p.fallback * p.eps4}
-    return ways + [(back[mode], 4)] if mode in back else ways
+    return five_phase.edges(mode, s.x2, p) + five_phase.ways_back(mode, s.x2, s.t - kept[0], p)
 
 
 def tracking_rate(mode, s, kept, p):

@@ -22,6 +22,7 @@ from absjax.plant.quarter_car import QuarterCar
 from absjax.plant.road import ChangingRoad, UniformRoad
 from absjax.plant.wheel import Wheel
 from absjax.tyres.surfaces import SURFACES
+from tests.oracles import five_phase
 from tests.oracles.automaton import until_switching
 from tests.oracles.quarter_car import BRAKE, GRAVITY, LOAD, RADIUS, coefficients, friction, spin
 
@@ -55,8 +56,7 @@ class ByHand:
 
     def rate(self, y):
         rim = max(RADIUS * y[1], 0.5)
-        p = self.p
-        asked = [1e4, -p.u1 / rim, 0.0, p.u3 / rim, p.u4 / rim, 0.0][self.phase]
+        asked = five_phase.rate(self.phase, rim, self.p) if self.phase else 1e4
         return np.clip(asked, -RATE_LIMIT, RATE_LIMIT)
 
     def slope(self):
@@ -69,15 +69,11 @@ class ByHand:
 
     def edges(self, t, y):
         """(name, guard value); a guard fires where it rises through zero."""
-        p, x, found = self.p, self.x2(y), [("stop", END - y[0])]
+        x, found = self.x2(y), [("stop", END - y[0])]
         found.append(("free", self.spin(y)) if self.locked else ("lock", -y[1]))
-        if self.phase == 0:
-            found.append(("onward", -p.eps0 - x if self.foot != "off" else -1.0))
-        else:
-            onward = {1: x - p.eps1, 2: x - p.eps2, 3: p.eps3 - x, 4: -p.eps4 - x, 5: -p.eps5 - x}[self.phase]
-            found.append(("onward", onward))
-        if self.phase == 2:
-            found.append(("back", p.fallback * p.eps1 - x))
+        if self.phase > 0 or self.foot != "off":
+            ways = five_phase.edges(self.phase, x, self.p)
+            found += [(f"to {following}", guard) for guard, following in ways]
         instants = (self.d.delay, *self.d.changes)
         if self.moves < len(instants):
             found.append(("foot", t - instants[self.moves]))
@@ -100,9 +96,8 @@ class ByHand:
 
     def jump(self, name, t, y):
         self.seen.add(name)
-        if name in ("onward", "back"):
-            self.phase = 4 if name == "back" else 1 if self.phase == 5 else self.phase + 1
-            self.pressure = "free"
+        if name.startswith("to "):
+            self.phase, self.pressure = int(name[3:]), "free"
         elif name == "lock":
             self.locked, self.lock_began, self.locks, y[1] = True, (t, y[0]), self.locks + 1, 0.0
         elif name == "free":
@@ -152,7 +147,7 @@ def by_hand():
 
 def test_a_stop_with_lock_and_a_pedal_pressed_twice_against_scipy(by_hand):
     hand, time, y = by_hand
-    assert hand.seen >= {"lock", "free", "foot", "arrives", "on pedal", "leaves", "onward"} and hand.locks > 1
+    assert hand.seen >= {"lock", "free", "foot", "arrives", "on pedal", "leaves", "to 1", "to 2"} and hand.locks > 1
     result = stop(loop_of(), SPEED, horizon=8.0, step=5e-4)
     assert Outcome(int(result.outcome)) is Outcome.STOPPED
     assert float(result.rollout.time) == pytest.approx(time, abs=2e-6)
@@ -196,12 +191,13 @@ def test_single_precision_keeps_its_type(by_hand):
 
 
 def pressures(system, speed, steps):
-    """Time and pressure at the wheel, (points,)."""
+    """Time, pressure at the wheel, and pressure as commanded, ahead of lag and delay, (points,)."""
     result = stop(system, speed, horizon=steps * 1e-3, step=1e-3, save_every=1)
     path, valid = result.rollout.trajectory, np.asarray(result.rollout.trajectory.valid)
     loop = system.loop if isinstance(system, SampledLoop) else system
     state = path.state.loop if isinstance(system, SampledLoop) else path.state
-    return np.asarray(path.time)[valid], np.asarray(loop.wheel_pressure(state))[valid]
+    found = path.time, loop.wheel_pressure(state), state.brake.commanded
+    return [np.asarray(x)[valid] for x in found]
 
 
 def reached_by_foot(time):
@@ -214,11 +210,14 @@ def reached_by_foot(time):
 
 @pytest.mark.parametrize("sampled", [False, True], ids=["located", "sampled"])
 def test_the_pressure_is_never_above_the_foot_nor_below_zero(sampled):
-    greedy = FivePhase(eps0=30.0, u1=90000.0, u3=90000.0, u4=90000.0)
+    """Releases are long enough to end at zero, and one is still asked for when the foot is off."""
+    greedy = FivePhase(eps0=30.0, eps1=50.0, eps2=60.0, u1=9e4, u3=9e4, u4=9e4, longest_release=0.1)
     loop = loop_of(greedy, delay=8e-3)
-    time, pressure = pressures(SampledLoop(loop) if sampled else loop, SPEED, 2500)
-    allowed = reached_by_foot(time)
-    assert pressure.min() >= -1e-9 and np.all(pressure <= allowed + 1e-9)
+    time, pressure, commanded = pressures(SampledLoop(loop) if sampled else loop, SPEED, 2500)
+    assert time[-1] > 1.5
+    for bounded in (pressure, commanded):
+        assert bounded.min() >= -1e-9 and np.all(bounded <= reached_by_foot(time) + 1e-9)
+    assert np.any(commanded[(time > 0.1) & (time < 1.0)] == 0.0)
     assert np.any(pressure > 10.0) and pressure[(time > 1.1) & (time < 1.25)].max() < 1e-9
 
 

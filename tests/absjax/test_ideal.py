@@ -15,28 +15,16 @@ from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import Driver
 from absjax.loop.ideal import ideal_distance
 from absjax.loop.stop import Outcome, stop
-from absjax.parameters import bounds_of, trainable_names
 from absjax.plant.brake import Brake
 from absjax.plant.quarter_car import QuarterCar
 from absjax.plant.road import ChangingRoad
 from absjax.plant.wheel import Wheel
 from absjax.tyres.burckhardt import Burckhardt
 from absjax.tyres.surfaces import SURFACES
+from tests.attack.stops import random_controller
 
 SETS, END = 2000, 3.0
 CONTROLLERS = (FivePhase, AccelerationTracking, TwoPhase, StiffnessControl, SlipControl, BoschLogic)
-
-
-def random_sets(model, rng):
-    """Parameters scattered widely around the defaults, in the order the class demands."""
-    values = {}
-    for name in trainable_names(model):
-        default, bounds = float(getattr(model(), name)), bounds_of(model)[name]
-        spread = default * np.exp(0.7 * rng.normal(size=SETS)) if default else rng.uniform(0.0, 3.0, SETS)
-        values[name] = np.clip(spread, bounds.low, bounds.high)
-    for low, high, margin in getattr(model, "ordered", ()):
-        values[high] = np.maximum(values[high], values[low] + margin)
-    return model(**values)
 
 
 def scattered_loop(controller, rng) -> ClosedLoop:
@@ -58,7 +46,7 @@ def scattered_loop(controller, rng) -> ClosedLoop:
 @pytest.mark.parametrize("model", CONTROLLERS)
 def test_no_controller_beats_the_ideal(model):
     rng = np.random.default_rng(7)
-    loop = scattered_loop(random_sets(model, rng), rng)
+    loop = scattered_loop(random_controller(model, rng, SETS, spread=0.7, room=0.0), rng)
     speed = jnp.asarray(rng.uniform(8.0, 25.0, SETS))
     stopped = stop(loop, speed, horizon=4.0, max_events=150)
     ideal = np.asarray(ideal_distance(loop, speed, horizon=4.0))

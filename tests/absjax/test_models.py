@@ -18,6 +18,7 @@ from absjax.plant.test_rig import RigState, TestRig
 from absjax.plant.wheel import Wheel
 from absjax.tyres.burckhardt import Burckhardt
 from absjax.tyres.surfaces import SURFACES, surface
+from tests.oracles import five_phase
 from tests.oracles.automaton import runge_kutta
 from tests.oracles.quarter_car import GRAVITY, RADIUS, coefficients, friction, offset, spin
 from tests.systems import PARAMETERS, five_phase_loop
@@ -136,7 +137,7 @@ def sampled_by_hand(loop, speed, step, steps, every, delay):
     v, w, s, pressure, mode, switchings = speed, speed / RADIUS, 0.0, 0.0, 0, 0
 
     def rate(mode, w):
-        return [3 * p.u4, -p.u1, 0.0, p.u3, p.u4, 0.0][mode] / (RADIUS * w)
+        return five_phase.rate(mode, RADIUS * w, p) if mode else 3 * p.u4 / (RADIUS * w)
 
     rates = [rate(0, w)] * (delay + 1)
     for k in range(1, steps + 1):
@@ -149,11 +150,9 @@ def sampled_by_hand(loop, speed, step, steps, every, delay):
         if k % every:
             continue
         x2 = offset(v, w, pressure, c)
-        fires = [x2 <= -p.eps0, x2 >= p.eps1, x2 >= p.eps2, x2 <= p.eps3, x2 <= -p.eps4, x2 <= -p.eps5][mode]
-        if fires:
-            mode, switchings = 1 if mode == 5 else mode + 1, switchings + 1
-        elif mode == 2 and x2 <= 0.9 * p.eps1:
-            mode, switchings = 4, switchings + 1
+        fired = [following for guard, following in five_phase.edges(mode, x2, p) if guard >= 0]
+        if fired:
+            mode, switchings = fired[0], switchings + 1
         rates = [rate(mode, w), *rates[:-1]]
     return v, w, s, pressure, mode, switchings
 

@@ -19,15 +19,15 @@ ROOM = 1e-3
 """Left to bounds and orders, so that there is something on both sides of every value."""
 
 
-def random_controller(kind, rng, lanes: int, spread: float = 0.5):
-    """Trainable parameters scattered, kept within bounds and in the order the class demands."""
+def random_controller(kind, rng, lanes: int, spread: float = 0.5, room: float = ROOM):
+    """Trainable parameters scattered around the defaults, kept within bounds and in the order the class demands."""
     values = {}
     for name in trainable_names(kind):
         default, bounds = float(getattr(kind(), name)), bounds_of(kind)[name]
         drawn = default * np.exp(spread * rng.normal(size=lanes)) if default else rng.uniform(0.0, 3.0, lanes)
-        values[name] = np.clip(drawn, bounds.low + ROOM, bounds.high - ROOM)
+        values[name] = np.clip(drawn, bounds.low + room, bounds.high - room)
     for low, high, margin in getattr(kind, "ordered", ()):
-        values[high] = np.maximum(values[high], (1 + ROOM) * values[low] + margin)
+        values[high] = np.maximum(values[high], (1 + room) * values[low] + margin)
     return kind(**values)
 
 

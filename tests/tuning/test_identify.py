@@ -6,11 +6,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.optimize import curve_fit
 
 import tuning
 from absjax.plant.wheel import Wheel
 from absjax.tyres.burckhardt import Burckhardt
-from tuning.logs.brake_log import read_log
+from tuning.logs.brake_log import BrakeLog, read_log
 from tuning.logs.tables import LogError
 from tuning.road.arrow_fit import arrow_fit
 from tuning.road.changes import find_stretches
@@ -68,6 +69,26 @@ def test_stop_with_a_change_of_surface(stop_result):
     assert float(road.friction(-0.1, 1.0, 0.0)) == pytest.approx(
         float(Burckhardt(1.2801, 23.99, 0.52).friction(-0.1)), rel=2e-3
     )
+
+
+def test_intervals_are_those_of_95_percent_by_another_least_squares():
+    """White noise on the force, none on the speeds: half widths are 1.96 standard deviations as SciPy's curve_fit has
+    them. Ours are a little wider, as they are robust against noise that is not white."""
+    rng, wheel = np.random.default_rng(0), Wheel(load=2850.0)
+    time = np.arange(10_000) * 1e-3
+    slip, speed = -0.13 - 0.12 * np.sin(43 * time), np.full(time.size, 18.0)
+    friction = np.asarray(Burckhardt(1.2, 27.0, 0.6).friction(slip)) + 0.02 * rng.standard_normal(time.size)
+    log = BrakeLog("made", time, (1 + slip) * speed / 0.3, speed, np.full(time.size, 40.0), force=2850.0 * friction)
+    (segment,) = identify(log, wheel).segments
+
+    def magnitude(s, c1, c2, c3):
+        return c1 * (1 - np.exp(-c2 * s)) - c3 * s
+
+    found, covariance = curve_fit(magnitude, -slip, -friction, (1.0, 20.0, 0.3))
+    for name, value, deviation in zip(("c1", "c2", "c3"), found, np.sqrt(np.diag(covariance))):
+        low, high = segment.ci95[name]
+        assert (low + high) / 2 == pytest.approx(value, abs=0.02 * deviation)
+        assert (high - low) / 2 == pytest.approx(1.96 * deviation, rel=0.15)
 
 
 def test_result_goes_through_json(stop_result):

@@ -1,7 +1,9 @@
 """A tuned set as something to use: read back from `result.json`, and its stops drawn.
 
-controller = load_controller("result.json")
-plot_stop("result.json", "wet_asphalt", 120).savefig("stop.png")
+From the file that `tune-abs` wrote:
+
+    controller = load_controller("result.json")
+    plot_stop("result.json", "wet_asphalt", 120).savefig("stop.png")
 """
 
 from pathlib import Path

@@ -29,8 +29,11 @@ class Evolution:
         """Evolve.
 
         Args:
-            rounds, count: generations, and points in each.
+            costs: of points.
+            rounds: generations.
+            count: points in each.
             widest: standard deviation of the first generation.
+            seed: of the draws.
             evolutions: how often it is tried, from the same point with other draws; the best counts.
         """
         low, high = self.box.limits

@@ -36,11 +36,12 @@ def rows_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
     return table
 
 
+def table_name(title: str) -> str:
+    """Of its file, after the title up to a colon."""
+    return re.sub(r"[^a-z0-9]+", "_", title.lower().split(":")[0]).strip("_")
+
+
 def write_tables(report: Report, folder: Path) -> list[Path]:
-    """The tables of a report as CSV, named after their titles up to a colon."""
+    """The tables of a report as CSV, named after their titles."""
     folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    for title, rows in report.tables.items():
-        name = re.sub(r"[^a-z0-9]+", "_", title.lower().split(":")[0]).strip("_")
-        written.append(write_csv(rows, folder / f"{name}.csv"))
-    return written
+    return [write_csv(rows, folder / f"{table_name(title)}.csv") for title, rows in report.tables.items()]

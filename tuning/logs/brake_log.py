@@ -114,7 +114,8 @@ def read_log(
     Args:
         path: of a format of `tuning.logs.tables.READERS`.
         columns: signal -> "column" or "column:unit", where they differ from `COLUMNS`.
-        start, end: window of time to use [s].
+        start: of the window of time to use [s].
+        end: of that window [s].
         radius: wheel radius [m], for the test whether wheel and vehicle speed are in their units.
 
     Raises:

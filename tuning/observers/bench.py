@@ -179,9 +179,12 @@ def log_bench(config: ObserverConfig, signals: LogSignals, truth: np.ndarray, wh
     """A stretch of a log with known XBS as a bench: one run, one road, the noise that of the log.
 
     Args:
-        signals, truth: the log and its XBS, see `tuning.observers.signals`.
+        config: how observers are judged.
+        signals: of the log, see `tuning.observers.signals`.
+        truth: its XBS, (samples,).
         wheel: the log's.
-        begin, end: of the stretch on which errors count, s of the log. The observer runs from the log's start.
+        begin: of the stretch on which errors count, s of the log. The observer runs from the log's start.
+        end: of that stretch.
     """
     one = jax.tree.map(lambda x: np.asarray(x)[None], signals.samples)
     first, period = signals.time[0], float(np.median(np.diff(signals.time)))

@@ -12,7 +12,9 @@ def settling(time, error, begins, ends, tolerance: float = TOLERANCE) -> np.ndar
     Args:
         time: (samples,), s.
         error: of XBS, (runs, samples); what is not finite counts as not settled.
-        begins, ends: of the roads, (runs, roads), s.
+        begins: of the roads, (runs, roads), s.
+        ends: of the roads, (runs, roads), s.
+        tolerance: of |error|.
 
     Returns:
         (runs, roads); the whole length of a road on which the estimate never settles.

@@ -26,7 +26,8 @@ def fit_curve(curve: Curve, slip, friction, slip_noise, start) -> Fit:
 
     Args:
         curve: the kind of curve.
-        slip, friction: points, arrays (samples,); friction negative while braking.
+        slip: of the points, (samples,).
+        friction: of the points, (samples,), negative while braking.
         slip_noise: standard deviation of each slip, (samples,).
         start: coefficients.
     """

@@ -1,0 +1,19 @@
+"""The five-phase automaton by hand; `p` has its thresholds and rates, the phases are numbered as in the source."""
+
+
+def rate(phase, rim, p):
+    """bar/s; none in phase 0, where the driver brakes."""
+    return [0.0, -p.u1, 0.0, p.u3, p.u4, 0.0][phase] / rim
+
+
+def edges(phase, x2, p):
+    """(guard, following phase) as published; a guard fires where it rises through zero, the first of them first."""
+    onward = [-p.eps0 - x2, x2 - p.eps1, x2 - p.eps2, p.eps3 - x2, -p.eps4 - x2, -p.eps5 - x2][phase]
+    ways = [(onward, 1 if phase == 5 else phase + 1)]
+    return [*ways, (p.fallback * p.eps1 - x2, 4)] if phase == 2 else ways
+
+
+def ways_back(phase, x2, spent, p):
+    """The same of what is the project's own: out of a release that lasts, and of a hold the wheel recovers in."""
+    back = {1: spent - p.longest_release, 5: x2 + p.fallback * p.eps4}
+    return [(back[phase], 4)] if phase in back else []
