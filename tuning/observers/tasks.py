@@ -114,7 +114,7 @@ def log_bench_of(config: ObserverConfig, path: Path, columns: str | None, car: P
         LogError: if the log has no force, or is too short to tune on one part and judge on the rest.
     """
     car = car_of(path, car)
-    wheel = Wheel() if car is None else read_car(car)
+    wheel = Wheel() if car is None else read_car(car).wheel
     log = read_log(path, parse_columns(columns), radius=float(wheel.radius))
     if log.force is None:
         raise LogError(f"{path}: no longitudinal force; XBS cannot be known without it")
@@ -242,7 +242,7 @@ def _trade_off(sets, out: Path) -> Report:
 def rig_log() -> tuple[BrakeLog, Wheel]:
     """The rig log shipped with the package, and its wheel."""
     with data_folder() as data:
-        return read_log(data / "rig_65kmh.csv"), read_car(data / "rig_65kmh.json")
+        return read_log(data / "rig_65kmh.csv"), read_car(data / "rig_65kmh.json").wheel
 
 
 def _rig(sets, out: Path) -> Report:

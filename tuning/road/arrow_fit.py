@@ -2,7 +2,8 @@
 
 The Jacobian of such a problem is an arrow: every lane's residuals depend on the shared parameters and
 on the lane's own state only. Own states are eliminated lane by lane (Schur complement), so that a
-hundred shooting intervals cost what one costs, times a hundred.
+hundred shooting intervals cost what one costs, times a hundred. What is known of a shared parameter before
+counts as one more residual, (p - mean) / spread.
 """
 
 from collections.abc import Callable
@@ -11,6 +12,29 @@ from typing import NamedTuple
 import numpy as np
 
 MOST_ITERATIONS = 60
+Evaluate = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
+
+
+class Prior(NamedTuple):
+    """What is known of the shared parameters; arrays (parameters,)."""
+
+    mean: np.ndarray
+    spread: np.ndarray
+    """standard deviations; inf: nothing is known"""
+
+    @classmethod
+    def none(cls, size: int) -> "Prior":
+        """Nothing is known."""
+        return cls(np.zeros(size), np.full(size, np.inf))
+
+    def residual(self, shared: np.ndarray) -> np.ndarray:
+        """(p - mean) / spread"""
+        return (shared - self.mean) / self.spread
+
+    @property
+    def information(self) -> np.ndarray:
+        """1 / spread^2"""
+        return 1 / self.spread**2
 
 
 class Fit(NamedTuple):
@@ -24,16 +48,16 @@ class Fit(NamedTuple):
     """(lanes, residuals), whitened"""
     covariance: np.ndarray
     """(parameters, parameters), robust against residuals that are correlated within a lane"""
+    inflation: float
+    """how many times larger its variances are for that, in the mean; at least 1"""
+    cost: float
+    """sum of squares, prior included"""
     iterations: int
     converged: bool
 
 
 def arrow_fit(
-    evaluate: Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]],
-    shared: np.ndarray,
-    own: np.ndarray,
-    *,
-    lower: np.ndarray,
+    evaluate: Evaluate, shared: np.ndarray, own: np.ndarray, *, lower: np.ndarray, prior: Prior | None = None
 ) -> Fit:
     """Minimise the sum of squares.
 
@@ -42,54 +66,80 @@ def arrow_fit(
         shared: start (p,).
         own: start (lanes, q); q may be 0.
         lower: lower bounds (p,); a step that would pass one ends on it.
+        prior: what is known of the shared parameters.
     """
+    prior = Prior.none(len(shared)) if prior is None else prior
     damping, converged, iterations = 1e-4, False, 0
     residual, by_shared, by_own = evaluate(shared, own)
-    cost = float(np.sum(residual**2))
+    cost = _cost(residual, shared, prior)
     while iterations < MOST_ITERATIONS and not converged:
         iterations += 1
         matrix, vector, own_inverse, cross, own_vector = _reduced(residual, by_shared, by_own, damping)
-        scale = np.diag(np.diag(matrix)) * damping
-        step = -np.linalg.solve(matrix + scale, vector)
+        matrix = matrix + np.diag(prior.information)
+        vector = vector + prior.residual(shared) / prior.spread
+        step = -_solved(matrix, vector, damping)
         trial_shared = np.maximum(shared + step, lower)
         step = trial_shared - shared
         own_step = -np.einsum("lij,lj->li", own_inverse, own_vector + np.einsum("lpj,p->lj", cross, step))
         trial = evaluate(trial_shared, own + own_step)
-        trial_cost = float(np.sum(trial[0] ** 2))
+        trial_cost = _cost(trial[0], trial_shared, prior)
         if np.isfinite(trial_cost) and trial_cost <= cost:
             gain = (cost - trial_cost) / max(cost, 1e-300)
             shared, own, cost = trial_shared, own + own_step, trial_cost
             residual, by_shared, by_own = trial
             damping = max(damping / 10, 1e-12)
-            converged = gain < 1e-10 or bool(np.all(np.abs(step) <= 1e-9 * (np.abs(shared) + 1e-9)))
+            converged = gain < 1e-8 or bool(np.all(np.abs(step) <= 1e-9 * (np.abs(shared) + 1e-9)))
         else:
             damping *= 10
             converged = damping > 1e12
-    return Fit(shared, own, residual, _covariance(residual, by_shared, by_own), iterations, converged)
+    covariance, inflation = _covariance(residual, by_shared, by_own, prior)
+    return Fit(shared, own, residual, covariance, inflation, cost, iterations, converged)
+
+
+def _cost(residual, shared, prior: Prior) -> float:
+    return float(np.sum(residual**2) + np.sum(prior.residual(shared) ** 2))
+
+
+def _solved(matrix, vector, damping):
+    """Solution of the damped system on the scales of its diagonal; in a direction that is not determined, none."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(scale, scale) + damping * np.eye(len(scale))
+    return np.linalg.lstsq(scaled, vector / scale, rcond=1e-13)[0] / scale
 
 
 def _reduced(residual, by_shared, by_own, damping):
     own_matrix = np.einsum("lni,lnj->lij", by_own, by_own)
     diagonal = np.einsum("lii->li", own_matrix)
-    own_inverse = np.linalg.inv(own_matrix + damping * np.einsum("li,ij->lij", diagonal, np.eye(by_own.shape[2])))
+    # A lane that carries no weight has no state to find.
+    raised = damping * diagonal + (diagonal == 0)
+    own_inverse = np.linalg.inv(own_matrix + np.einsum("li,ij->lij", raised, np.eye(by_own.shape[2])))
     cross = np.einsum("lnp,lnj->lpj", by_shared, by_own)
     own_vector = np.einsum("lnj,ln->lj", by_own, residual)
-    matrix = np.einsum("lnp,lnq->pq", by_shared, by_shared) - np.einsum("lpi,lij,lqj->pq", cross, own_inverse, cross)
-    vector = np.einsum("lnp,ln->p", by_shared, residual) - np.einsum("lpi,lij,lj->p", cross, own_inverse, own_vector)
+    flat = by_shared.reshape(-1, by_shared.shape[2])
+    matrix = flat.T @ flat - np.einsum("lpi,lij,lqj->pq", cross, own_inverse, cross, optimize=True)
+    vector = flat.T @ residual.ravel() - np.einsum("lpi,lij,lj->p", cross, own_inverse, own_vector, optimize=True)
     return matrix, vector, own_inverse, cross, own_vector
 
 
-def _covariance(residual, by_shared, by_own):
+def _covariance(residual, by_shared, by_own, prior: Prior):
     """Sandwich covariance with lanes as clusters, and not less than the one of independent residuals."""
     matrix, _, own_inverse, cross, _ = _reduced(residual, by_shared, by_own, 0.0)
-    bread = np.linalg.pinv(matrix)
-    projected = by_shared - np.einsum("lni,lij,lpj->lnp", by_own, own_inverse, cross)
+    projected = by_shared - np.einsum("lni,lij,lpj->lnp", by_own, own_inverse, cross, optimize=True)
     scores = np.einsum("lnp,ln->lp", projected, residual)
-    lanes, n = residual.shape
-    spare = max(residual.size - matrix.shape[0] - by_own.shape[0] * by_own.shape[2], 1)
-    plain = bread * np.sum(residual**2) / spare
+    used = np.any(residual != 0, axis=1)
+    lanes, size = int(used.sum()), int(np.count_nonzero(residual))
+    spare = max(size - matrix.shape[0] - lanes * by_own.shape[2], 1)
+    level = np.sum(residual**2) / spare
+    bread = _inverse(matrix / level + np.diag(prior.information))
     if lanes < 2 * matrix.shape[0] + 2:
-        return plain
-    robust = bread @ (scores.T @ scores) @ bread * lanes / (lanes - 1) * (lanes * n) / spare
-    larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(plain), 1.0))
-    return plain * np.outer(larger, larger)
+        return bread, 1.0
+    meat = scores.T @ scores * lanes / (lanes - 1) * size / spare / level**2
+    robust = bread @ (meat + np.diag(prior.information)) @ bread
+    larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(bread), 1.0))
+    return bread * np.outer(larger, larger), float(np.mean(larger**2))
+
+
+def _inverse(matrix):
+    """Of a symmetric matrix, on the scales of its diagonal."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-14, hermitian=True) / np.outer(scale, scale)

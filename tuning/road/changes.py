@@ -7,14 +7,18 @@ when it lowers Schwarz's criterion, and the sum of squares by a share worth the 
 
 from typing import NamedTuple
 
+import jax.numpy as jnp
 import numpy as np
 
+from absjax.tyres.base import Tyre
 from tuning.road.samples import FrictionSamples
 
 SHORTEST = 0.25
 """Shortest stretch of one surface [s]."""
 SMALLEST_GAIN = 1.3
 """By how much a change has to lower the sum of squares; less is what noise that varies with slip does."""
+BLENDS = (0.001, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.06)
+"""Lengths of the blend at a change that are tried [s]."""
 RATES = np.geomspace(3.0, 200.0, 25)
 """Grid of c2."""
 
@@ -95,3 +99,19 @@ def _split(sums: _Sums, stretch: Stretch, shortest: int):
     if together < SMALLEST_GAIN * apart:
         return None
     return n * np.log(together / apart) - 4 * np.log(n), pair
+
+
+def refine_change(samples: FrictionSamples, before: Tyre, after: Tyre, near: int) -> tuple[float, float]:
+    """Beginning and length [s] of the linear blend that fits the points around a change best."""
+    window = np.abs(samples.time - samples.time[near]) < 0.15
+    time, friction = samples.time[window], samples.friction[window]
+    slip = jnp.asarray(samples.slip[window])
+    old, new = np.asarray(before.friction(slip)), np.asarray(after.friction(slip))
+    best = (np.inf, 0.0, 0.0)
+    for blend in BLENDS:
+        starts = samples.time[near] - blend / 2 + np.arange(-0.05, 0.05, 5e-4)
+        share = np.clip((time[:, None] - starts) / blend, 0, 1)
+        costs = np.sum((friction[:, None] - old[:, None] - share * (new - old)[:, None]) ** 2, axis=0)
+        at = int(np.argmin(costs))
+        best = min(best, (float(costs[at]), float(starts[at]), blend))
+    return best[1], best[2]

@@ -41,22 +41,26 @@ def identify(
 
 def identified(log, out, columns=None, car=None, load=None, start=None, end=None, tyre="burckhardt") -> Any:
     """Report of the friction curve of a log."""
-    from absjax.plant.wheel import Wheel
     from tuning.core.files import write_json
     from tuning.core.report import Report
     from tuning.logs.brake_log import parse_columns, read_log
-    from tuning.logs.car import read_car
+    from tuning.logs.car import Car, read_car
     from tuning.road.figures import identification_figures
     from tuning.road.identify import identify
-    from tuning.road.report import identification_rows
+    from tuning.road.report import identification_rows, quantity_rows
 
-    wheel = Wheel() if car is None else read_car(car)
+    known = Car() if car is None else read_car(car)
     if load is not None:
-        wheel = dataclasses.replace(wheel, load=load)
+        known = dataclasses.replace(known, wheel=dataclasses.replace(known.wheel, load=load))
+    wheel = known.wheel
     say(f"car: {car or 'default wheel'}, load {float(wheel.load):g} N, radius {float(wheel.radius):g} m")
     data = read_log(log, parse_columns(columns), start=start, end=end, radius=float(wheel.radius))
-    result = identify(data, wheel, tyre, progress=lambda text: say(f"  {text}"))
-    lines = [f"{segment.start:.3f} s: {said}" for segment in result.segments for said in segment.statements]
-    files = [write_json(out / "result.json", result.to_json()), *identification_figures(result, data, wheel, out)]
+    result = identify(data, known, tyre, progress=lambda text: say(f"  {text}"))
+    lines = [f"verdict: {result.verdict}", *(f"  {reason}" for reason in result.reasons), *result.notes]
+    lines += [f"{segment.start:.3f} s: {said}" for segment in result.segments for said in segment.statements]
+    files = [write_json(out / "result.json", result.to_json()), *identification_figures(result, data, known, out)]
     title = f"{result.log}: the road's friction curve, +- 95 %"
-    return Report({title: identification_rows(result)}, lines, files)
+    tables = {title: identification_rows(result)}
+    if result.quantities:
+        tables["the car's own quantities, +- 95 %"] = quantity_rows(result)
+    return Report(tables, lines, files)

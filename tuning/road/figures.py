@@ -10,31 +10,33 @@ import numpy as np
 from absjax.plant.wheel import Wheel
 from tuning.core.figures import save
 from tuning.logs.brake_log import BrakeLog
+from tuning.logs.car import Car
 from tuning.road.curve import Curve
 from tuning.road.identify import Z95, Identification, Segment
-from tuning.road.samples import friction_samples
 
 
-def identification_figures(result: Identification, log: BrakeLog, wheel: Wheel, folder: Path) -> list[Path]:
+def identification_figures(result: Identification, log: BrakeLog, car: Car | Wheel, folder: Path) -> list[Path]:
     """Friction curves with data and confidence bands; the log with its surfaces."""
     return [
-        save(friction_figure(result, log, wheel), folder / "friction_curve.png"),
-        save(log_figure(result, log, wheel), folder / "log.png"),
+        save(friction_figure(result, log, car), folder / "friction_curve.png"),
+        save(log_figure(result, log, car), folder / "log.png"),
     ]
 
 
-def friction_figure(result: Identification, log: BrakeLog, wheel: Wheel):
+def friction_figure(result: Identification, log: BrakeLog, car: Car | Wheel):
     """The friction curve of every surface with its data, 95 % band and peak."""
-    samples = friction_samples(log, wheel)
+    samples = result.samples(log, car)[1]
     figure, axes = plt.subplots(figsize=(8, 5))
     for i, segment in enumerate(result.segments):
         colour = f"C{i}"
         inside = (log.time >= segment.start + 0.06 * (i > 0)) & (log.time <= segment.end)
-        axes.plot(-samples.slip[inside], -samples.friction[inside], ".", ms=1.5, alpha=0.25, color=colour)
+        sign = 1 if segment.side == "driving" else -1
+        inside &= sign * samples.slip > -0.01
+        axes.plot(sign * samples.slip[inside], sign * samples.friction[inside], ".", ms=1.5, alpha=0.25, color=colour)
         slip = np.linspace(0, max(0.3, 1.3 * segment.largest_slip, 1.5 * min(segment.peak_slip, 0.5)), 300)
         middle, half = _band(segment, slip)
         found = ", ".join(f"{name} {value:.4g}" for name, value in segment.parameters.items())
-        label = f"{segment.start:.2f} to {segment.end:.2f} s: {found}"
+        label = f"{segment.start:.2f} to {segment.end:.2f} s, {segment.side}: {found}"
         axes.plot(slip, middle, color="k", lw=2.2)
         axes.plot(slip, middle, color=colour, lw=1.4, label=label)
         axes.fill_between(slip, middle - half, middle + half, color=colour, alpha=0.35)
@@ -49,7 +51,9 @@ def friction_figure(result: Identification, log: BrakeLog, wheel: Wheel):
             capsize=3,
         )
     axes.set(xlabel="slip magnitude |λ|", ylabel="friction |μ|", xlim=(0, None), ylim=(0, None))
-    axes.set_title(f"{result.log}: friction from {samples.source}, curve, 95 % band and peak")
+    axes.set_title(
+        f"{result.log}: friction from {samples.source}, curve, 95 % band and peak. Verdict: {result.verdict}"
+    )
     axes.legend(loc="lower right", fontsize="small")
     axes.grid(alpha=0.3)
     return figure
@@ -69,15 +73,16 @@ def _band(segment: Segment, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(friction(c)), Z95 * np.sqrt(np.maximum(variance, 0))
 
 
-def log_figure(result: Identification, log: BrakeLog, wheel: Wheel):
+def log_figure(result: Identification, log: BrakeLog, car: Car | Wheel):
     """Speeds, pressure and friction against time, surfaces shaded."""
-    samples = friction_samples(log, wheel)
+    log, samples = result.samples(log, car)
     figure, axes = plt.subplots(3, 1, figsize=(9, 7), sharex=True, layout="constrained")
     axes[0].plot(log.time, log.vehicle_speed, label="vehicle")
-    axes[0].plot(log.time, float(wheel.radius) * log.wheel_speed, lw=0.8, label="wheel rim")
+    axes[0].plot(log.time, result.wheel["radius"] * log.wheel_speed, lw=0.8, label="wheel rim")
     axes[0].set_ylabel("speed [m/s]")
     axes[0].legend(fontsize="small")
-    axes[1].plot(log.time, log.brake_pressure, lw=0.8)
+    if log.brake_pressure is not None:
+        axes[1].plot(log.time, log.brake_pressure, lw=0.8)
     axes[1].set_ylabel("brake pressure [bar]")
     axes[2].plot(log.time, -samples.friction, lw=0.6, label="measured")
     for i, segment in enumerate(result.segments):
@@ -95,5 +100,5 @@ def log_figure(result: Identification, log: BrakeLog, wheel: Wheel):
     axes[2].legend(fontsize="small", loc="lower right")
     for axis in axes:
         axis.grid(alpha=0.3)
-    figure.suptitle(f"{result.log}: {len(result.segments)} surface(s)")
+    figure.suptitle(f"{result.log}: {len(result.segments)} surface(s). Verdict: {result.verdict}")
     return figure

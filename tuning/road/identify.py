@@ -15,22 +15,24 @@ from absjax.tyres.base import Tyre
 from tuning.core.components import component
 from tuning.core.version import VERSION
 from tuning.logs.brake_log import BrakeLog
+from tuning.logs.car import Car
+from tuning.logs.quantities import KINDS, Z95, Quantity
 from tuning.logs.tables import LogError
-from tuning.road.arrow_fit import Fit
-from tuning.road.changes import Stretch, find_stretches
+from tuning.road import conditions, verdict
 from tuning.road.curve import Curve
-from tuning.road.curve_fit import fit_curve, white_noise
-from tuning.road.output_error import fit_output_error
-from tuning.road.samples import FrictionSamples, friction_samples
+from tuning.road.fitting import (
+    Fitted,
+    FittedStretch,
+    fitted_by_curve,
+    fitted_by_output_error,
+    samples_as_fitted,
+)
+from tuning.road.samples import FrictionSamples
 
-Z95 = 1.959963984540054
 STEEPEST = 2.1875
 """Steepest slope of the blend of `ChangingRoad`, times its length."""
-GUARD = 0.03
-"""Time kept clear of the middle of a change [s]."""
 LARGEST_RELATIVE_WIDTH = 0.5
 """A parameter whose 95 % half-width exceeds this share of it is not identifiable."""
-BLENDS = (0.001, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.06)
 PEAK = ("peak_friction", "peak_slip")
 NEGLIGIBLE, ABSOLUTE_WIDTH = 1e-4, 0.1
 """A coefficient below the first is known if its half-width is below the second."""
@@ -50,9 +52,11 @@ class Segment:
         statements: in words, what it does not say, and why.
         method: 'curve fit' or 'output error'.
         largest_slip: largest magnitude of slip reached.
-        residual_rms: of the whitened residuals; near 1 when noise is all that is left.
+        residual_rms: of the residuals over the noise that the channels have by themselves; near 1 when noise is all that
+            is left.
         samples: used.
         kind: name of the tyre curve, in `absjax.tyres.TYRES`, or `package.module:Class`.
+        side: 'braking' or 'driving': on which side of zero the slip of the samples is.
     """
 
     start: float
@@ -70,6 +74,7 @@ class Segment:
     residual_rms: float
     samples: int
     kind: str = "burckhardt"
+    side: str = "braking"
 
     @property
     def tyre(self) -> Tyre:
@@ -99,7 +104,31 @@ class Identification:
     blends: list[float]
     """length of the blend at each change, taken as linear [s]"""
     wheel: dict[str, float]
+    """as the log has it"""
+    quantities: dict[str, Quantity] = dataclasses.field(default_factory=dict)
+    """the car's own quantities that were estimated with the road"""
+    verdict: str = "sound"
+    """'sound', 'doubtful' or 'refuted': whether the log goes with what the fit takes for true"""
+    reasons: list[str] = dataclasses.field(default_factory=list)
+    """sentences: why it is not sound"""
+    notes: list[str] = dataclasses.field(default_factory=list)
+    """sentences: what was done with the log"""
+    misfit: dict[str, float] = dataclasses.field(default_factory=dict)
+    """by channel, what is left of it over its own noise"""
     version: str = VERSION
+
+    @property
+    def changes(self) -> list[float]:
+        """Instants at which the surface changes [s]."""
+        return [segment.start for segment in self.segments[1:] if segment.side == "braking"]
+
+    def samples(self, log: BrakeLog, car: Car | Wheel | None = None) -> tuple[BrakeLog, FrictionSamples]:
+        """The log as the fit sees it, zeros, delays and lag taken out, and its points of the friction curve."""
+        known = Car.of(car)
+        start = conditions.begin(log, known)
+        values = {name: prior.value for name, prior in known.priors.items()}
+        values |= {name: found.value for name, found in self.quantities.items()} | self.wheel
+        return samples_as_fitted(start, known, values)
 
     def road(self) -> ChangingRoad:
         """The road as a function of time, for simulation; its smooth blends are as steep as the linear ones."""
@@ -115,49 +144,57 @@ class Identification:
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> "Identification":
         """Read back what `to_json` gave."""
-        return cls(**{**data, "segments": [Segment.from_json(segment) for segment in data["segments"]]})
+        quantities = {name: Quantity(**found) for name, found in data.get("quantities", {}).items()}
+        segments = [Segment.from_json(segment) for segment in data["segments"]]
+        return cls(**{**data, "segments": segments, "quantities": quantities})
 
 
 def identify(
-    log: BrakeLog, wheel: Wheel | None = None, kind: str = "burckhardt", *, progress=lambda message: None
+    log: BrakeLog, car: Car | Wheel | None = None, kind: str = "burckhardt", *, progress=lambda message: None
 ) -> Identification:
-    """Fit a tyre curve to every surface of a log.
+    """Fit a tyre curve to every surface of a log, and the car's own quantities with them.
 
-    With force measured the curve is fitted to the points (slip, force / load); without, by output error
-    of the rolled-out car (`tuning.road.output_error`).
+    With force measured the curve is fitted to the points (slip, force / load); without, by output error of the
+    rolled-out car (`tuning.road.output_error`), or, where no pressure was logged either, to the points (slip, a / g).
 
     Args:
         log: a checked log.
-        wheel: wheel, load and brake of the car; the default wheel when None.
+        car: the car, or its wheel alone; the default wheel when None.
         kind: name of the tyre curve, in `absjax.tyres.TYRES`, or `package.module:Class`.
         progress: called with a line of text as the work goes on.
+
+    Returns:
+        The road, the quantities, and a verdict on them (`tuning.road.verdict`).
 
     Raises:
         LogError: if the sampling is not uniform, or the log never brakes.
         ConfigError: if there is no such tyre curve.
     """
-    wheel, curve = Wheel() if wheel is None else wheel, Curve(component("tyre", kind, TYRES, Tyre))
+    car, curve = Car.of(car), Curve(component("tyre", kind, TYRES, Tyre))
     _check_uniform(log)
-    samples = friction_samples(log, wheel)
-    largest = float(np.quantile(np.abs(samples.slip), 0.999))
-    if largest < 0.01:
-        raise LogError(f"{log.name}: largest slip {largest:.4f}; the log holds no braking to identify a road from")
-    progress(f"friction points from {samples.source}, slip up to {largest:.2f}")
-    stretches = find_stretches(samples)
-    progress(f"{len(stretches)} surface{'s' if len(stretches) > 1 else ''} found")
+    conditions.require_braking(log, float(car.wheel.radius))
+    start = conditions.begin(log, car)
     # The fits need double precision whatever the caller works in.
     with jax.enable_x64(True):
-        fits = [_fit(curve, log, wheel, samples, stretch, stretches, progress) for stretch in stretches]
-    tyres = [curve.tyre(map(float, fit.shared)) for fit, _, _ in fits]
-    changes = [_refine_change(samples, tyres[i], tyres[i + 1], stretches[i + 1].first) for i in range(len(tyres) - 1)]
-    starts = [float(log.time[0])] + [start for start, _ in changes]
-    ends = starts[1:] + [float(log.time[-1])]
-    segments = [
-        _segment(kind, curve, fit, method, samples, used, start, end)
-        for (fit, method, used), start, end in zip(fits, starts, ends)
-    ]
-    described = {f.name: float(getattr(wheel, f.name)) for f in dataclasses.fields(wheel)}
-    return Identification(log.name, segments, [blend for _, blend in changes], described)
+        by_curve = log.force is not None or log.brake_pressure is None
+        fitted = (fitted_by_curve if by_curve else fitted_by_output_error)(curve, start, car, progress)
+        segments = _segments(kind, curve, fitted)
+    wheel = {f.name: float(getattr(car.wheel, f.name)) for f in dataclasses.fields(car.wheel)}
+    wheel |= {name: found.value for name, found in fitted.quantities.items() if KINDS[name].wheel}
+    word, reasons = verdict.judged(log, car, start, fitted)
+    if word == "refuted":
+        segments = [_withheld(segment) for segment in segments]
+    return Identification(
+        log.name,
+        segments,
+        fitted.blends,
+        wheel,
+        fitted.quantities,
+        word,
+        reasons,
+        [*log.notes, *start.notes, *fitted.notes],
+        fitted.misfit,
+    )
 
 
 def _check_uniform(log: BrakeLog) -> None:
@@ -171,73 +208,51 @@ def _check_uniform(log: BrakeLog) -> None:
         )
 
 
-def _fit(curve: Curve, log, wheel, samples: FrictionSamples, stretch: Stretch, stretches: list[Stretch], progress):
-    inside = np.zeros(len(log.time), bool)
-    inside[stretch.first : stretch.last] = True
-    for other in stretches[1:]:
-        inside &= np.abs(log.time - log.time[other.first]) > GUARD
-    start = curve.near(np.maximum(stretch.coefficients, 1e-3))
-    if samples.source == "force":
-        rim_noise = float(wheel.radius) * white_noise(log.wheel_speed)
-        noise = np.hypot(rim_noise, (1 + samples.slip) * white_noise(log.vehicle_speed)) / log.vehicle_speed
-        fit, method = (
-            fit_curve(curve, samples.slip[inside], samples.friction[inside], noise[inside], start),
-            "curve fit",
-        )
-    else:
-        fit, method = fit_output_error(curve, log, wheel, inside, start), "output error"
-    found = ", ".join(f"{name} {value:.4g}" for name, value in zip(curve.names, fit.shared))
-    progress(f"{method}: {found} after {fit.iterations} iterations")
-    return fit, method, inside
+def _segments(kind: str, curve: Curve, fitted: Fitted) -> list[Segment]:
+    return [_segment(kind, curve, stretch, fitted.method) for stretch in fitted.stretches]
 
 
-def _refine_change(samples: FrictionSamples, before: Tyre, after: Tyre, near: int) -> tuple[float, float]:
-    """Beginning and length [s] of the linear blend that fits the points around a change best."""
-    window = np.abs(samples.time - samples.time[near]) < 0.15
-    time, friction = samples.time[window], samples.friction[window]
-    slip = jnp.asarray(samples.slip[window])
-    old, new = np.asarray(before.friction(slip)), np.asarray(after.friction(slip))
-    best = (np.inf, 0.0, 0.0)
-    for blend in BLENDS:
-        for start in samples.time[near] - blend / 2 + np.arange(-0.05, 0.05, 5e-4):
-            share = np.clip((time - start) / blend, 0, 1)
-            cost = float(np.sum((friction - old - share * (new - old)) ** 2))
-            best = min(best, (cost, float(start), blend))
-    return best[1], best[2]
+def _withheld(segment: Segment) -> Segment:
+    """A segment of a log that refutes the fit: no value of it is called known."""
+    said = "the log refutes what the fit takes for true: its intervals say nothing of the road"
+    return dataclasses.replace(
+        segment,
+        identifiable=dict.fromkeys(segment.identifiable, False),
+        statements=[*segment.statements, said],
+    )
 
 
-def _segment(kind, curve: Curve, fit: Fit, method: str, samples: FrictionSamples, used, start, end) -> Segment:
-    with jax.enable_x64(True):
+def _segment(kind, curve: Curve, found: FittedStretch, method: str) -> Segment:
+    def everything(c):
+        peak = curve.tyre(c).peak()
+        return jnp.stack([*c, peak.friction, peak.slip])
 
-        def everything(c):
-            peak = curve.tyre(c).peak()
-            return jnp.stack([*c, peak.friction, peak.slip])
-
-        shared = jnp.asarray(fit.shared)
-        values, slopes = np.asarray(everything(shared)), np.asarray(jax.jacfwd(everything)(shared))
-    widths = Z95 * np.sqrt(np.maximum(np.einsum("ip,pq,iq->i", slopes, fit.covariance, slopes), 0))
-    deviation = np.sqrt(np.diag(fit.covariance))
-    correlation = fit.covariance / np.maximum(np.outer(deviation, deviation), 1e-300)
-    largest = float(np.quantile(np.abs(samples.slip[used]), 0.999))
+    coefficients, covariance = jnp.asarray(found.coefficients), found.covariance
+    values, slopes = np.asarray(everything(coefficients)), np.asarray(jax.jacfwd(everything)(coefficients))
+    widths = Z95 * np.sqrt(np.maximum(np.einsum("ip,pq,iq->i", slopes, covariance, slopes), 0))
+    deviation = np.sqrt(np.diag(covariance))
+    correlation = covariance / np.maximum(np.outer(deviation, deviation), 1e-300)
+    largest = found.largest_slip
     names = (*curve.names, *PEAK)
     value, width = dict(zip(names, map(float, values))), dict(zip(names, map(float, widths)))
     identifiable, statements = _identifiability(curve, value, width, largest)
     return Segment(
-        start=start,
-        end=end,
+        start=found.start,
+        end=found.end,
         parameters={name: value[name] for name in curve.names},
         peak_friction=value["peak_friction"],
         peak_slip=value["peak_slip"],
         ci95={name: (value[name] - width[name], value[name] + width[name]) for name in names},
         correlation=correlation.tolist(),
-        covariance=fit.covariance.tolist(),
+        covariance=covariance.tolist(),
         identifiable=identifiable,
         statements=statements,
         method=method,
         largest_slip=largest,
-        residual_rms=float(np.sqrt(np.mean(fit.residual**2))),
-        samples=int(np.sum(used)),
+        residual_rms=found.residual_rms,
+        samples=found.samples,
         kind=kind,
+        side=found.side,
     )
 
 

@@ -1,116 +1,288 @@
-"""A tyre curve from a log without measured force: output error by multiple shooting.
+"""Tyre curves from a log without measured force: output error by multiple shooting, the car's own quantities with them.
 
-The log is cut into short intervals. In each, the car (or the wheel on a rig) is rolled out from its own
-initial state under the logged pressure, and the coefficients and all initial states are fitted to the
-measured wheel speed, vehicle speed and acceleration. Short intervals keep the oscillations of an
-anti-lock cycle from running out of phase, and errors of the pressure from piling up.
+The log is cut into short intervals. In each, the wheel is rolled out from its own initial state under the logged
+pressure, and the coefficients of all surfaces, the car's quantities and all initial states are fitted to the measured
+wheel speed, vehicle speed and acceleration. Short intervals keep the oscillations of an anti-lock cycle from running
+out of phase, and errors of the pressure from piling up.
+
+    J w' = -R Fz mu(lambda) - gamma_b (P_l - P_0),     tau P_l' = P - P_l
+    v' = g (mu(lambda) + s),  measured at t + d;        a = g mu(lambda) + b
+
+with zero P_0 and lag tau of the pressure, delay d of the vehicle speed, bias b of the accelerometer and slope s of the
+road, downhill > 0. That the vehicle decelerates with the friction of this one wheel is the quarter car; where its load
+is known to change, or on a rig, the vehicle's speed is taken as it was measured, and the second line is left out.
 """
 
-from typing import Any
+import math
+from functools import partial
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.signal import lfilter
 
-from absjax.hybrid.rollout import rollout
-from absjax.hybrid.system import Smooth
-from absjax.parameters import model, parameter, part
-from absjax.plant.quarter_car import CarState, QuarterCar
-from absjax.plant.road import UniformRoad
-from absjax.plant.test_rig import RigState, TestRig
-from absjax.plant.wheel import Wheel
+from absjax.plant.wheel import GRAVITY
 from tuning.logs.brake_log import BrakeLog
-from tuning.road.arrow_fit import Fit, arrow_fit
+from tuning.road.arrow_fit import Fit, Prior, arrow_fit
 from tuning.road.curve import Curve
-from tuning.road.curve_fit import white_noise
-from tuning.road.samples import is_rig
+from tuning.road.noise import noise_of
+from tuning.road.vehicle_speed import measured
 
-INTERVAL = 0.05
-"""Length of a shooting interval [s]."""
+INTERVAL, FEWEST = 0.05, 12
+"""Length of a shooting interval [s]; samples it has at least."""
+LONGEST_STEP = 5e-4
+"""Of the Runge-Kutta steps [s]: a light wheel that rolls freely at walking pace asks for it."""
+BUCKET = 32
+"""Intervals are filled up to a multiple of it, so that logs of many lengths share a program."""
+LOCKED = 0.05
+"""R w / v below which an interval is left out: what a wheel does that stands is not in the equations."""
+FEWEST_MEASURED = 4
+"""Measurements of the wheel speed that an interval needs."""
+CAR = (
+    "radius",
+    "inertia",
+    "brake_efficiency",
+    "load",
+    "pressure_zero",
+    "pressure_lag",
+    "slope",
+    "acceleration_bias",
+    "speed_delay",
+)
+"""The car's quantities, in the order of the shared parameters after the coefficients."""
+OUTPUTS = ("wheel_speed", "vehicle_speed", "acceleration")
 
 
-@model
-class DrivenPlant(Smooth):
-    """A plant under a logged brake pressure, linear between samples."""
-
-    plant: Any = part("quarter car or test rig")
-    pressure: Any = parameter("brake pressure at 0, period, 2 period, ..., bar, shape (samples,)", ndim=1)
-    period: Any = parameter("sampling period, s", low=0.0, open_low=True)
-
-    def flow(self, time, state, mode):
-        """d(state)/dt."""
-        position = time / self.period
-        index = jnp.clip(jnp.floor(position).astype(jnp.int32), 0, self.pressure.shape[0] - 2)
-        share = position - index
-        pressure = (1 - share) * self.pressure[index] + share * self.pressure[index + 1]
-        return self.plant.flow(time, state, pressure)
+def lagged(pressure: np.ndarray, period: float, lag: float) -> np.ndarray:
+    """The pressure behind a first-order lag [s], linear between samples; at rest in the beginning."""
+    if lag < 1e-9:
+        return pressure
+    z = period / lag
+    decay = math.exp(-z)
+    late = (1 - decay) / z
+    head, tail = late - decay, 1 - late
+    rest = lfilter([tail, head], [1.0, -decay], pressure - pressure[0])
+    return pressure[0] + np.asarray(rest)
 
 
-def fit_output_error(curve: Curve, log: BrakeLog, wheel: Wheel, inside: np.ndarray, start) -> Fit:
-    """Fit the coefficients of a curve to the stretch of the log where `inside` holds.
+@partial(jax.jit, static_argnames=("curve", "imposed", "substeps"))
+def _linearised(curve: Curve, imposed: bool, substeps: int, parameters, own, pressure, by_lag, share, speed, period):
+    """Outputs (lanes, samples, 3) and their derivative by each lane's parameters and own state.
+
+    Parameters of a lane: the coefficients of its surface, then R, J, gamma_b, Fz, P_0, a change of the lag, s.
+    """
+    coefficients, step = len(curve.names), period / substeps
+
+    def outputs(point, pressure, by_lag, share, speed):
+        tyre = curve.tyre(point[:coefficients])
+        radius, inertia, efficiency, load, zero, lag, slope = point[coefficients : coefficients + 7]
+        own = point[coefficients + 7 :]
+        acting = pressure - zero + lag * by_lag
+
+        def friction(w, v):
+            return tyre.friction(radius * w / v - 1)
+
+        def over_sample(state, ends):
+            p, p_rise, n, n_rise, v, v_rise = ends
+
+            def flow(at, state):
+                speed = v + at * v_rise if imposed else state[1]
+                mu = friction(state[0], speed)
+                spin = (-radius * load * (n + at * n_rise) * mu - efficiency * (p + at * p_rise)) / inertia
+                return jnp.stack([spin, GRAVITY * (mu + slope)])
+
+            def over_step(state, k):
+                at = k / substeps
+                k1 = flow(at, state)
+                k2 = flow(at + 0.5 / substeps, state + 0.5 * step * k1)
+                k3 = flow(at + 0.5 / substeps, state + 0.5 * step * k2)
+                k4 = flow(at + 1 / substeps, state + step * k3)
+                return state + step / 6 * (k1 + 2 * (k2 + k3) + k4), None
+
+            state, _ = jax.lax.scan(over_step, state, jnp.arange(substeps, dtype=state.dtype))
+            return state, state
+
+        start = jnp.stack([own[0], speed[0] if imposed else own[1]])
+        ends = [part for x in (acting, share, speed) for part in (x[:-1], jnp.diff(x))]
+        _, path = jax.lax.scan(over_sample, start, tuple(ends))
+        path = jnp.concatenate([start[None], path])
+        v = speed if imposed else path[:, 1]
+        return jnp.stack([path[:, 0], v, GRAVITY * friction(path[:, 0], v)], axis=-1)
+
+    def one(point, *given):
+        def both(point):
+            values = outputs(point, *given)
+            return values, values
+
+        slopes, values = jax.jacfwd(both, has_aux=True)(point)
+        return values, slopes
+
+    return jax.vmap(one)(jnp.concatenate([parameters, own], axis=1), pressure, by_lag, share, speed)
+
+
+class Shooting(NamedTuple):
+    """Shooting intervals of a log; arrays with a leading axis of lanes, filled up to a multiple of `BUCKET`."""
+
+    log: BrakeLog
+    curve: Curve
+    imposed: bool
+    """whether the vehicle's speed is taken as measured"""
+    index: np.ndarray
+    """samples, (lanes, samples)"""
+    surface: np.ndarray
+    """which stretch it belongs to, (lanes,)"""
+    weight: np.ndarray
+    """of the outputs, 1 / noise where measured and 0 where not, (lanes, samples, 3)"""
+    share: np.ndarray
+    """load over its nominal value, (samples of the log,)"""
+
+    @property
+    def used(self) -> np.ndarray:
+        """Samples of the log that count, bool."""
+        inside = np.zeros(len(self.log.time), bool)
+        inside[self.index[np.any(self.weight > 0, axis=(1, 2))]] = True
+        return inside
+
+    def evaluate(self, surfaces: int):
+        """`(shared, own) -> residual, by shared, by own` for `arrow_fit`; shared: surfaces x coefficients, then `CAR`."""
+        log, size, period = self.log, len(self.curve.names), self.log.period
+        substeps = max(1, math.ceil(period / LONGEST_STEP - 1e-9))
+        assert log.brake_pressure is not None
+        pressure, slope_of_speed = log.brake_pressure, np.gradient(log.vehicle_speed, period)
+        told = [getattr(log, name) for name in OUTPUTS]
+        zeros = np.zeros(len(log.time))
+        lanes, states = len(self.index), 1 if self.imposed else 2
+        acceleration = zeros if log.acceleration is None else log.acceleration
+
+        def evaluate(shared, own):
+            car = dict(zip(CAR, shared[surfaces * size :]))
+            coefficients = shared[: surfaces * size].reshape(surfaces, size)[self.surface]
+            lag, delay = car["pressure_lag"], car["speed_delay"]
+            acting, small = lagged(pressure, period, lag), 1e-5
+            by_lag = (lagged(pressure, period, lag + small) - acting) / small
+            late = log.time + delay
+            speed = np.interp(late, log.time, log.vehicle_speed) if delay else log.vehicle_speed
+            rate = np.interp(late, log.time, slope_of_speed) if delay else slope_of_speed
+            of_lanes = [car[name] for name in CAR[:5]] + [0.0, car["slope"]]
+            points = np.concatenate([coefficients, np.tile(of_lanes, (lanes, 1))], axis=1)
+            given = (x[self.index] for x in (acting, by_lag, self.share, speed))
+            arguments = map(jnp.asarray, (points, own, *given))
+            values, slopes = map(np.asarray, _linearised(self.curve, self.imposed, substeps, *arguments, period))
+            measurements = np.stack([told[0], speed, acceleration], axis=-1)[self.index]
+            bias = np.array([0.0, 0.0, car["acceleration_bias"]])
+            residual = (values + bias - measurements) * self.weight
+            n = residual.shape[1] * 3
+            by_shared = np.zeros((lanes, *residual.shape[1:], surfaces * size + len(CAR)))
+            for surface in range(surfaces):
+                own_surface = self.surface == surface
+                by_shared[own_surface, ..., surface * size : (surface + 1) * size] = slopes[own_surface, ..., :size]
+            by_shared[..., surfaces * size : surfaces * size + 7] = slopes[..., size : size + 7]
+            by_shared[..., 2, surfaces * size + 7] = 1.0
+            by_shared[..., 1, surfaces * size + 8] = -rate[self.index]
+            by_shared *= self.weight[..., None]
+            by_own = slopes[..., size + 7 : size + 7 + states] * self.weight[..., None]
+            return residual.reshape(lanes, n), by_shared.reshape(lanes, n, -1), by_own.reshape(lanes, n, -1)
+
+        return evaluate
+
+    def start(self) -> np.ndarray:
+        """Own states (lanes, states) by which the fit begins: smooth curves through each interval's speeds."""
+        clock = np.arange(self.index.shape[1]) * self.log.period
+        spin = np.polyfit(clock, self.log.wheel_speed[self.index].T, 3)[-1]
+        if self.imposed:
+            return spin[:, None]
+        return np.stack([spin, np.polyfit(clock, self.log.vehicle_speed[self.index].T, 1)[-1]], axis=1)
+
+    def with_noise(self, noise: dict[str, float]) -> "Shooting":
+        """With other standard deviations of the outputs."""
+        level = np.array([noise.get(name, 1.0) for name in OUTPUTS])
+        return self._replace(weight=(self.weight > 0) / level)
+
+    def levels(self, residual: np.ndarray) -> dict[str, float]:
+        """Root mean square of each output's residuals, in its unit, from whitened ones (lanes, residuals)."""
+        whitened = residual.reshape(self.weight.shape)
+        found = {}
+        for i, name in enumerate(OUTPUTS):
+            on = self.weight[..., i] > 0
+            if on.any():
+                lanes = np.any(on, axis=1).sum()
+                spare = max(int(on.sum() - lanes * (2 if i == 0 else 1)), 1)
+                found[name] = float(np.sqrt(np.sum(whitened[..., i][on] ** 2) / spare) / self.weight[..., i][on][0])
+        return found
+
+
+def shooting(
+    curve: Curve, log: BrakeLog, stretches: list[np.ndarray], radius: float, share: np.ndarray | None = None
+) -> Shooting:
+    """Cut a log into intervals.
 
     Args:
         curve: the kind of curve.
         log: the log, uniformly sampled.
-        wheel: wheel, load and brake.
-        inside: samples that may be used, bool (samples,), one stretch.
-        start: coefficients.
+        stretches: samples of each surface that may be used, bool (samples,).
+        radius: about that of the wheel [m].
+        share: load over its nominal value, (samples,), where it changes or the vehicle's speed is imposed; None: the
+            quarter car.
     """
-    period, length = log.period, max(8, round(INTERVAL / log.period))
-    used = np.flatnonzero(inside)
-    lanes = (len(used) - 1) // length
-    first = used[0] + np.arange(lanes) * length
-    index = first[:, None] + np.arange(length + 1)
-    rig = is_rig(log)
-    channels = [("wheel_speed", 0)] if rig else [("wheel_speed", 0), ("vehicle_speed", 1)]
-    if not rig and log.acceleration is not None:
-        channels.append(("acceleration", 2))
-    weights = [1 / white_noise(getattr(log, name)[inside]) for name, _ in channels]
-    measured = np.stack([getattr(log, name)[index] for name, _ in channels], axis=-1)
-    speeds = log.vehicle_speed[index]
-    clock = np.arange(length + 1) * period
-    trend = np.polyfit(clock, speeds.T, 1)
-    pressure = jnp.asarray(log.brake_pressure[index])
+    length = max(FEWEST, round(INTERVAL / log.period))
+    slipping = radius * log.wheel_speed / log.vehicle_speed > LOCKED
+    turning = measured(log, "wheel_speed")
+    index, surface = [], []
+    for number, inside in enumerate(stretches):
+        at = np.flatnonzero(inside)
+        if not len(at):
+            continue
+        for first in range(at[0], at[-1] - length + 1, length):
+            lane = np.arange(first, first + length + 1)
+            if inside[lane].all() and slipping[lane].all() and turning[lane].sum() >= FEWEST_MEASURED:
+                index.append(lane)
+                surface.append(number)
+    lanes = max(BUCKET, -(-len(index) // BUCKET) * BUCKET)
+    filling = lanes - len(index)
+    index += [np.arange(length + 1)] * filling
+    surface += [0] * filling
+    table = np.array(index)
+    inside = np.any(stretches, axis=0)
+    weight = np.zeros((*table.shape, 3))
+    for i, name in enumerate(OUTPUTS):
+        if getattr(log, name) is not None and not (share is not None and i > 0):
+            weight[..., i] = measured(log, name)[table] / noise_of(log, name, inside)
+    weight[lanes - filling :] = 0.0
+    return Shooting(
+        log,
+        curve,
+        share is not None,
+        table,
+        np.array(surface),
+        weight,
+        np.ones(len(log.time)) if share is None else share,
+    )
 
-    def outputs(coefficients, own):
-        road = UniformRoad(curve.tyre(coefficients))
-        if rig:
-            plant = TestRig(wheel, road, jnp.asarray(trend[1]), jnp.asarray(trend[0]))
-            state = RigState(own[:, 0])
-        else:
-            plant = QuarterCar(wheel, road)
-            state = CarState(own[:, 1], own[:, 0], jnp.zeros(lanes))
-        driven = DrivenPlant(plant, pressure, period)
-        path = rollout(driven, state, step=period, steps=length, save_every=1).path.state
-        if rig:
-            return path.wheel_speed[..., None]
-        slip = wheel.slip(path.wheel_speed, path.speed)
-        acceleration = curve.tyre(c[:, None] for c in coefficients).friction(slip) * (wheel.load / wheel.mass)
-        return jnp.stack([path.wheel_speed, path.speed, acceleration], axis=-1)[..., : len(channels)]
 
-    states, size = 1 if rig else 2, len(curve.names)
+def fit_output_error(problem: Shooting, shared: np.ndarray, own: np.ndarray, *, lower: np.ndarray, prior: Prior) -> Fit:
+    """Fit what is free of the shared parameters; a spread of 0 keeps one at its mean. The fit's covariance is of all.
 
-    @jax.jit
-    def linearised(shared, own):
-        spread = [jnp.full(lanes, c) for c in shared]
-        directions = jnp.eye(size + states)
+    Args:
+        problem: the intervals.
+        shared: start (surfaces x coefficients + `CAR`,).
+        own: start (lanes, states).
+        lower: lower bounds, of all.
+        prior: of all.
+    """
+    surfaces = (len(shared) - len(CAR)) // len(problem.curve.names)
+    evaluate_all, free = problem.evaluate(surfaces), prior.spread > 0
+    whole = np.where(free, shared, prior.mean)
 
-        def along(direction):
-            along_shared = [jnp.full(lanes, direction[i]) for i in range(size)]
-            tangent = (along_shared, jnp.broadcast_to(direction[size:], own.shape))
-            return jax.jvp(outputs, (spread, own), tangent)
+    def evaluate(some, own):
+        point = whole.copy()
+        point[free] = some
+        residual, by_shared, by_own = evaluate_all(point, own)
+        return residual, by_shared[..., free], by_own
 
-        values, slopes = jax.vmap(along, out_axes=(None, -1))(directions)
-        return values, slopes
-
-    scale = np.asarray(weights)
-
-    def evaluate(shared, own):
-        values, slopes = map(np.asarray, linearised(jnp.asarray(shared), jnp.asarray(own)))
-        residual = ((values - measured) * scale).reshape(lanes, -1)
-        slopes = (slopes * scale[:, None]).reshape(lanes, residual.shape[1], -1)
-        return residual, slopes[..., :size], slopes[..., size:]
-
-    fitted = np.polyfit(clock, log.wheel_speed[index].T, 3)[-1]
-    own = fitted[:, None] if rig else np.stack([fitted, trend[1]], axis=1)
-    return arrow_fit(evaluate, np.asarray(start, float), own, lower=curve.lower + 1e-6)
+    known = Prior(prior.mean[free], prior.spread[free])
+    fit = arrow_fit(evaluate, whole[free], own, lower=lower[free], prior=known)
+    point, covariance = whole.copy(), np.zeros((len(whole), len(whole)))
+    point[free] = fit.shared
+    covariance[np.ix_(free, free)] = fit.covariance
+    return fit._replace(shared=point, covariance=covariance)

@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from tuning.logs.quantities import Z95
 from tuning.road.identify import PEAK, Identification
 
 
@@ -18,3 +19,16 @@ def identification_rows(result: Identification) -> list[dict[str, Any]]:
             {"from [s]": f"{segment.start:.3f}", "to [s]": f"{segment.end:.3f}", **cells, "method": segment.method}
         )
     return rows
+
+
+def quantity_rows(result: Identification) -> list[dict[str, Any]]:
+    """One row per quantity of the car that was estimated: what it was known as, and what the log has."""
+    return [
+        {
+            "quantity": name.replace("_", " "),
+            "known as": f"{found.given:.4g}",
+            "the log has": f"{found.value:.4g} ± {Z95 * found.spread:.2g}",
+            "unit": found.unit,
+        }
+        for name, found in result.quantities.items()
+    ]

@@ -30,21 +30,30 @@ def is_rig(log: BrakeLog) -> bool:
     return bool(fall < 0.05 * log.vehicle_speed.mean())
 
 
-def friction_samples(log: BrakeLog, wheel: Wheel) -> FrictionSamples:
-    """Friction from force (Fx / Fz), else acceleration (a / g), else speed (v' / g), else, on a rig,
-    from the wheel's own balance (-(J w' + gamma_b Pb) / (R Fz))."""
+def friction_samples(log: BrakeLog, wheel: Wheel, share: np.ndarray | None = None) -> FrictionSamples:
+    """Friction from force (Fx / Fz), else acceleration (a / g), else speed (v' / g), else, on a rig and where the load
+    changes, from the wheel's own balance (-(J w' + gamma_b Pb) / (R Fz)).
+
+    Args:
+        log: the log.
+        wheel: wheel, load and brake.
+        share: load over that of the wheel, (samples,), where it changes.
+    """
     slip = float(wheel.radius) * log.wheel_speed / log.vehicle_speed - 1
-    load = float(wheel.load) if log.load is None else log.load
+    load = float(wheel.load) * (1.0 if share is None else share)
     if log.force is not None:
         return FrictionSamples(log.time, slip, log.force / load, "force")
-    if is_rig(log):
-        torque = float(wheel.inertia) * _rate(log, log.wheel_speed) + float(wheel.brake_efficiency) * log.brake_pressure
+    if log.brake_pressure is not None and (share is not None or is_rig(log)):
+        torque = (
+            float(wheel.inertia) * rate_of(log, log.wheel_speed) + float(wheel.brake_efficiency) * log.brake_pressure
+        )
         return FrictionSamples(log.time, slip, -torque / (float(wheel.radius) * load), "wheel")
     if log.acceleration is not None:
         return FrictionSamples(log.time, slip, log.acceleration / GRAVITY, "acceleration")
-    return FrictionSamples(log.time, slip, _rate(log, log.vehicle_speed) / GRAVITY, "speed")
+    return FrictionSamples(log.time, slip, rate_of(log, log.vehicle_speed) / GRAVITY, "speed")
 
 
-def _rate(log: BrakeLog, signal: np.ndarray) -> np.ndarray:
-    window = max(5, 2 * round(SMOOTHING / log.period / 2) + 1)
+def rate_of(log: BrakeLog, signal: np.ndarray, smoothing: float = SMOOTHING) -> np.ndarray:
+    """d(signal)/dt, (samples,), smoothed over a window [s]."""
+    window = max(5, 2 * round(smoothing / log.period / 2) + 1)
     return np.asarray(savgol_filter(signal, window, 2, deriv=1, delta=log.period))

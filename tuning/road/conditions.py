@@ -1,0 +1,122 @@
+"""What a log says before any curve is fitted: whether it brakes, how the load goes, what holds while the wheel rolls."""
+
+import dataclasses
+
+import numpy as np
+
+from absjax.plant.wheel import Wheel
+from tuning.logs.brake_log import BrakeLog
+from tuning.logs.car import Car
+from tuning.logs.tables import LogError
+from tuning.road.samples import is_rig, rate_of
+from tuning.road.vehicle_speed import SIGNIFICANT, SLOW, Motion, interval_of, measured, motion_of
+
+LEAST_DECELERATION = 0.7
+"""m/s^2; less is not braking"""
+LEAST_SLIP = 0.01
+LEAST_RANGE = 0.03
+"""Of slip, when nobody says how fast the vehicle slows down."""
+ROLLING = 0.4
+"""Deceleration below which a wheel counts as rolling freely [m/s^2]."""
+FEWEST_ROLLING = 20
+CALM = 0.1
+"""Window over which a deceleration counts [s]."""
+REFRESHED = 0.02
+"""Time between samples of a speed that comes from the acceleration [s]."""
+CHANGING_LOAD = 0.03
+
+
+@dataclasses.dataclass(frozen=True)
+class Start:
+    """A log made ready for fitting, and where the fit begins."""
+
+    log: BrakeLog
+    """with the vehicle's speed advanced by the delay found, or taken from the acceleration where it is slow"""
+    share: np.ndarray | None
+    """load over that of the wheel, (samples,), where the vehicle's speed is imposed"""
+    values: dict[str, float]
+    """what quantities are about"""
+    motion: Motion | None
+    slow: bool
+    """whether the vehicle's speed was taken from the acceleration"""
+    notes: list[str]
+
+    def wheel(self, car: Car) -> Wheel:
+        """The car's wheel with the radius found."""
+        return dataclasses.replace(car.wheel, radius=self.values["radius"])
+
+
+def deceleration_of(log: BrakeLog) -> np.ndarray:
+    """Deceleration over `CALM` [m/s^2], (samples,), positive while braking."""
+    if log.acceleration is not None:
+        width = max(1, round(CALM / log.period))
+        padded = np.pad(log.acceleration, (width // 2, width - 1 - width // 2), mode="edge")
+        return -np.convolve(padded, np.ones(width) / width, "valid")
+    return -rate_of(log, log.vehicle_speed, smoothing=3 * CALM)
+
+
+def require_braking(log: BrakeLog, radius: float) -> None:
+    """Check that somebody brakes.
+
+    Raises:
+        LogError: if neither deceleration nor slip is that of braking.
+    """
+    ratio = radius * log.wheel_speed / log.vehicle_speed - 1
+    slip = float(np.quantile(ratio, 0.995) - np.quantile(ratio, 0.005))
+    largest = float(np.quantile(np.abs(ratio), 0.999))
+    strongest = float(np.quantile(deceleration_of(log), 0.99))
+    rolls = slip < LEAST_RANGE and (is_rig(log) or strongest < LEAST_DECELERATION)
+    weak = strongest < LEAST_DECELERATION and not (is_rig(log) and slip >= LEAST_RANGE)
+    if rolls or weak or largest < LEAST_SLIP:
+        pressed = (
+            "" if log.brake_pressure is None else f", pressure at most {np.quantile(log.brake_pressure, 0.99):.3g} bar"
+        )
+        raise LogError(
+            f"{log.name}: the log holds no braking to identify a road from: deceleration at most {strongest:.2g} m/s^2, "
+            f"slip within {slip:.3f}{pressed}"
+        )
+
+
+def load_share(log: BrakeLog, car: Car) -> np.ndarray | None:
+    """Load over that of the wheel at rest, (samples,); None where nothing says that it changes."""
+    if log.load is not None and (
+        np.ptp(log.load) > CHANGING_LOAD * np.mean(log.load) or is_rig(log) or log.force is not None
+    ):
+        return log.load / float(car.wheel.load)
+    if car.axle is not None:
+        return car.axle.load_share(-deceleration_of(log))
+    return np.ones(len(log.time)) if is_rig(log) else None
+
+
+def begin(log: BrakeLog, car: Car) -> Start:
+    """Delay and course of the vehicle's speed, and radius and pressure zero while the wheel rolls freely."""
+    notes, values = [], {name: prior.value for name, prior in car.priors.items()}
+    motion = None if is_rig(log) else motion_of(log)
+    slow = motion is not None and interval_of(log, "vehicle_speed") > SLOW
+    if motion is not None:
+        late = abs(motion.delay) > max(SIGNIFICANT * motion.delay_spread, 2 * log.period)
+        if slow:
+            values["speed_delay"] = motion.delay
+            at = np.zeros(len(log.time), bool)
+            at[:: max(1, round(REFRESHED / log.period))] = True
+            log = _with_speed(log, motion.speed, at)
+            notes.append("the vehicle's speed between its measurements comes from the acceleration")
+        elif late:
+            values["speed_delay"] = motion.delay
+            shift = round(motion.delay / log.period)
+            speed = np.interp(log.time + motion.delay, log.time, log.vehicle_speed)
+            at = np.roll(measured(log, "vehicle_speed"), -shift)
+            at[len(at) - max(shift, 0) :] = False
+            log = _with_speed(log, speed, at)
+    rolling = np.abs(deceleration_of(log)) < ROLLING
+    rolling &= np.cumsum(~rolling) == 0
+    if rolling.sum() >= FEWEST_ROLLING and not is_rig(log):
+        values["radius"] = float(np.median(log.vehicle_speed[rolling] / log.wheel_speed[rolling]))
+        if log.brake_pressure is not None:
+            values["pressure_zero"] = float(np.median(log.brake_pressure[rolling]))
+    return Start(log, load_share(log, car), values, motion, slow, notes)
+
+
+def _with_speed(log: BrakeLog, speed: np.ndarray, at: np.ndarray) -> BrakeLog:
+    speed = np.maximum(speed, 0.1)
+    return dataclasses.replace(log, vehicle_speed=speed, measured={**log.measured, "vehicle_speed": at})

@@ -1,0 +1,385 @@
+"""The curves of all surfaces of a log and the car's quantities, fitted together."""
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+
+from tuning.logs.brake_log import BrakeLog
+from tuning.logs.car import Car
+from tuning.logs.quantities import KINDS, Quantity
+from tuning.road.arrow_fit import Fit, Prior
+from tuning.road.changes import Stretch, find_stretches, refine_change
+from tuning.road.conditions import Start
+from tuning.road.curve import Curve
+from tuning.road.curve_fit import fit_curve
+from tuning.road.noise import noise_of
+from tuning.road.output_error import CAR, Shooting, fit_output_error, shooting
+from tuning.road.samples import FrictionSamples, friction_samples
+from tuning.road.selection import selected
+from tuning.road.vehicle_speed import measured
+from tuning.road.verdict import corrected
+
+GUARD = 0.03
+"""Time kept clear of the middle of a change [s]."""
+SWEEPS = 3
+"""Fits with the noise of the channels taken from the fit before."""
+ROUNDS = 3
+"""Searches for the changes, each with the quantities of the fit before."""
+MATERIAL = 0.03
+"""Share of the larger friction by which two curves have to differ somewhere to be two surfaces."""
+DRIVING = 0.02
+"""Slip from which a wheel counts as driven."""
+FEWEST_DRIVING = 200
+FEWEST_INTERVALS = 3
+Say = Callable[[str], None]
+
+
+@dataclasses.dataclass(frozen=True)
+class FittedStretch:
+    """The curve of one surface."""
+
+    start: float
+    """s"""
+    end: float
+    """s"""
+    coefficients: np.ndarray
+    """(coefficients,)"""
+    covariance: np.ndarray
+    """(coefficients, coefficients)"""
+    largest_slip: float
+    residual_rms: float
+    """over the noise of the channels themselves"""
+    samples: int
+    side: str = "braking"
+
+
+@dataclasses.dataclass(frozen=True)
+class Fitted:
+    """All of it."""
+
+    stretches: list[FittedStretch]
+    blends: list[float]
+    """length of each change [s]"""
+    quantities: dict[str, Quantity]
+    misfit: dict[str, float]
+    """by channel, root mean square of the residuals over the channel's own noise"""
+    method: str
+    imposed: bool
+    """whether the vehicle's speed was taken as measured"""
+    notes: list[str]
+
+
+def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fitted:
+    """By `tuning.road.output_error`."""
+    values = dict(start.values)
+    stretches, fit, problem, free = [], None, None, frozenset()
+    for _ in range(ROUNDS):
+        samples = samples_as_fitted(start, car, values)[1]
+        found = find_stretches(samples)
+        if fit is not None and _alike(found, stretches, samples.time):
+            break
+        say(f"{len(found)} surface{'s' if len(found) > 1 else ''} found in friction from {samples.source}")
+        stretches = found
+        guesses = [curve.near(np.maximum(stretch.coefficients, 1e-3)) for stretch in stretches]
+        problem = _intervals(curve, start, stretches, values)
+        fit, problem, free = _settled(problem, guesses, start, car, values)
+        values |= _values(fit.shared, start)
+    assert fit is not None and problem is not None
+    stretches, fit, problem = _merged(curve, stretches, fit, problem, start, car, free)
+    values |= _values(fit.shared, start)
+    samples, size = samples_as_fitted(start, car, values)[1], len(curve.names)
+    coefficients = fit.shared[: len(stretches) * size].reshape(-1, size)
+    say(f"output error: {_told(curve, coefficients)} after {fit.iterations} iterations")
+    own = {name: noise_of(start.log, name, problem.used) for name in problem.levels(fit.residual)}
+    levels = problem.levels(fit.residual)
+    changes = _changes(curve, samples, stretches, coefficients)
+    edges = [float(samples.time[0]), *(at for at, _ in changes), float(samples.time[-1])]
+    parts = []
+    for i, stretch in enumerate(stretches):
+        block = slice(i * size, (i + 1) * size)
+        lanes = problem.surface == i
+        alone = problem._replace(weight=problem.weight * lanes[:, None, None])
+        rms = [level / own[name] for name, level in alone.levels(fit.residual).items()]
+        inside = np.zeros(len(samples.time), bool)
+        inside[stretch.first : stretch.last] = True
+        inside &= alone.used
+        parts.append(
+            FittedStretch(
+                start=edges[i],
+                end=edges[i + 1],
+                coefficients=coefficients[i],
+                covariance=fit.covariance[block, block],
+                largest_slip=_largest(samples.slip[inside]),
+                residual_rms=float(np.sqrt(np.mean(np.square(rms)))) if rms else 0.0,
+                samples=int(inside.sum()),
+            )
+        )
+    return Fitted(
+        parts,
+        [blend for _, blend in changes],
+        _quantities(fit, start, car, len(stretches) * size),
+        {name: level / own[name] for name, level in levels.items()},
+        "output error",
+        problem.imposed,
+        [],
+    )
+
+
+def samples_as_fitted(start: Start, car: Car, values: dict[str, float]) -> tuple[BrakeLog, FrictionSamples]:
+    """The log and its points of the friction curve with quantities as they are known by now.
+
+    The delay of the vehicle's speed is out of the log already.
+    """
+    wheel = {name: values[name] for name in KINDS if KINDS[name].wheel}
+    log = corrected(start.log, {**values, "speed_delay": values["speed_delay"] - start.values["speed_delay"]})
+    return log, friction_samples(log, dataclasses.replace(car.wheel, **wheel), start.share)
+
+
+def _alike(found: list[Stretch], before: list[Stretch], time: np.ndarray) -> bool:
+    if len(found) != len(before):
+        return False
+    return all(abs(time[a.first] - time[b.first]) < GUARD for a, b in zip(found, before))
+
+
+def _intervals(curve: Curve, start: Start, stretches: list[Stretch], values: dict[str, float]) -> Shooting:
+    log = start.log
+    late = log.time <= log.time[-1] - max(values["speed_delay"], 0.0)
+    masks = []
+    for stretch in stretches:
+        inside = np.zeros(len(log.time), bool)
+        inside[stretch.first : stretch.last] = True
+        for other in stretches[1:]:
+            inside &= np.abs(log.time - log.time[other.first]) > GUARD
+        masks.append(inside & late)
+    return shooting(curve, log, masks, values["radius"], start.share)
+
+
+def _candidates(start: Start, car: Car) -> tuple[list[str], list[str]]:
+    """Quantities that are free in any case, since the car file says how well it knows them, and those that may be."""
+    imposed, told = start.share is not None, start.log.acceleration is not None
+    cannot = {"load"}
+    if imposed:
+        cannot |= {"brake_efficiency", "inertia"}
+    if imposed or not told:
+        cannot |= {"slope", "acceleration_bias", "speed_delay"}
+    if start.slow:
+        cannot |= {"speed_delay"}
+    priors = car.priors
+    always = [name for name in CAR if priors[name].stated and priors[name].spread > 0]
+    if start.values["speed_delay"] != priors["speed_delay"].value:
+        always.append("speed_delay")
+    always = [name for name in always if name not in cannot or name in ("load", "brake_efficiency", "inertia")]
+    maybe = [
+        name
+        for name in CAR
+        if name not in always and not priors[name].stated and priors[name].spread > 0 and name not in cannot
+    ]
+    return always, maybe
+
+
+def _prior(problem: Shooting, surfaces: int, start: Start, car: Car, free: frozenset[str]) -> Prior:
+    """Nothing of the coefficients; of the car's quantities what is known, those not free fixed."""
+    size, priors = len(problem.curve.names), car.priors
+    means = {name: priors[name].value for name in CAR}
+    means["speed_delay"] = means["speed_delay"] - start.values["speed_delay"] if "speed_delay" in free else 0.0
+    spreads = [priors[name].spread if name in free else 0.0 for name in CAR]
+    return Prior(
+        np.concatenate([np.zeros(surfaces * size), [means[name] for name in CAR]]),
+        np.concatenate([np.full(surfaces * size, np.inf), spreads]),
+    )
+
+
+def _settled(problem: Shooting, guesses, start: Start, car: Car, values) -> tuple[Fit, Shooting, frozenset[str]]:
+    """The fit, with the noise of each channel as the fit of all that may be free has it, and what had to be free."""
+    always, maybe = _candidates(start, car)
+    begin = {**values, "speed_delay": values["speed_delay"] - start.values["speed_delay"]}
+    shared = np.concatenate([*guesses, [begin[name] for name in CAR]])
+    own, everything = problem.start(), frozenset([*always, *maybe])
+    for _ in range(SWEEPS):
+        fit = _fit(problem, len(guesses), shared, own, start, car, everything)
+        shared, own = fit.shared, fit.own
+        problem = problem.with_noise(problem.levels(fit.residual))
+    free, fit = selected(lambda names: _fit(problem, len(guesses), shared, own, start, car, names), always, maybe)
+    return fit, problem, free
+
+
+def _fit(problem: Shooting, surfaces: int, shared, own, start: Start, car: Car, free: frozenset[str]) -> Fit:
+    lower = np.concatenate([np.tile(problem.curve.lower + 1e-6, surfaces), [KINDS[name].low for name in CAR]])
+    return fit_output_error(problem, shared, own, lower=lower, prior=_prior(problem, surfaces, start, car, free))
+
+
+def _values(shared: np.ndarray, start: Start) -> dict[str, float]:
+    found = dict(zip(CAR, map(float, shared[len(shared) - len(CAR) :])))
+    found["speed_delay"] += start.values["speed_delay"]
+    return found
+
+
+def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, car: Car, free: frozenset[str]):
+    """Neighbours that one curve serves as well, or that differ by too little, made one."""
+    size = len(curve.names)
+    while len(stretches) > 1:
+        coefficients = fit.shared[: len(stretches) * size].reshape(-1, size)
+        best = None
+        for i in range(len(stretches) - 1):
+            fewer = [*stretches[:i], _joined(stretches[i], stretches[i + 1]), *stretches[i + 2 :]]
+            longer = stretches[i] if _length(stretches[i]) >= _length(stretches[i + 1]) else stretches[i + 1]
+            keep = i if longer is stretches[i] else i + 1
+            guesses = [*coefficients[:i], coefficients[keep], *coefficients[i + 2 :]]
+            labels = np.where(problem.surface > i, problem.surface - 1, problem.surface)
+            other = problem._replace(surface=labels)
+            alone = np.isin(problem.surface, (i, i + 1))
+            intervals = [int(np.any(problem.weight[problem.surface == k] > 0, axis=(1, 2)).sum()) for k in (i, i + 1)]
+            shared = np.concatenate([*guesses, fit.shared[len(fit.shared) - len(CAR) :]])
+            again = _fit(other, len(guesses), shared, fit.own, start, car, free)
+            penalty = fit.inflation * (size + 1) * np.log(max(int(np.count_nonzero(problem.weight[alone])), 2))
+            slips = -np.linspace(0.0, 0.3, 61)
+            pair = [np.asarray(curve.tyre(map(float, c)).friction(slips)) for c in coefficients[i : i + 2]]
+            apart = np.abs(pair[0] - pair[1]).max() / np.abs(pair).max()
+            needless = again.cost - fit.cost < penalty or apart < MATERIAL or min(intervals) < FEWEST_INTERVALS
+            if needless and (best is None or again.cost < best[1].cost):
+                best = fewer, again, other
+        if best is None:
+            break
+        stretches, fit, problem = best
+    return stretches, fit, problem
+
+
+def _joined(first: Stretch, second: Stretch) -> Stretch:
+    longer = first if _length(first) >= _length(second) else second
+    return Stretch(first.first, second.last, longer.coefficients, first.residual + second.residual)
+
+
+def _length(stretch: Stretch) -> int:
+    return stretch.last - stretch.first
+
+
+def _changes(curve: Curve, samples: FrictionSamples, stretches, coefficients) -> list[tuple[float, float]]:
+    tyres = [curve.tyre(map(float, c)) for c in coefficients]
+    return [refine_change(samples, tyres[i], tyres[i + 1], stretches[i + 1].first) for i in range(len(stretches) - 1)]
+
+
+def _quantities(fit: Fit, start: Start, car: Car, first: int) -> dict[str, Quantity]:
+    """Those that were free, or found before the fit."""
+    priors, found = car.priors, {}
+    for i, name in enumerate(CAR):
+        value, spread = float(fit.shared[first + i]), float(np.sqrt(fit.covariance[first + i, first + i]))
+        if name == "speed_delay":
+            value += start.values[name]
+            if spread == 0 and start.motion is not None and value != priors[name].value:
+                spread = start.motion.delay_spread
+        if spread > 0:
+            prior = priors[name]
+            found[name] = Quantity(value, spread, prior.value, prior.spread, KINDS[name].unit)
+    return found
+
+
+def _largest(slip: np.ndarray) -> float:
+    return float(np.quantile(np.abs(slip), 0.999)) if len(slip) else 0.0
+
+
+def _told(curve: Curve, coefficients: np.ndarray) -> str:
+    return "; ".join(", ".join(f"{name} {value:.4g}" for name, value in zip(curve.names, c)) for c in coefficients)
+
+
+def fitted_by_curve(curve: Curve, start: Start, car: Car, say: Say) -> Fitted:
+    """By `tuning.road.curve_fit`, driving and braking apart where the log has both."""
+    log, values = start.log, dict(start.values)
+    signal = "force" if log.force is not None else "acceleration"
+    samples = samples_as_fitted(start, car, values)[1]
+    told = measured(log, signal) & measured(log, "wheel_speed") & (log.wheel_speed > 0)
+    driven = told & (samples.slip > DRIVING)
+    if driven.sum() >= FEWEST_DRIVING:
+        sides = {"braking": told & (samples.slip < 0.5 * DRIVING), "driving": told & (samples.slip > -0.5 * DRIVING)}
+        # A sweep comes and goes; its sides are not stretches of time.
+        sides = {side: inside for side, inside in sides.items() if (inside & (np.abs(samples.slip) > DRIVING)).any()}
+        stretches = [_whole(samples, inside) for inside in sides.values()]
+        masks, labels = list(sides.values()), list(sides)
+    else:
+        stretches = find_stretches(samples)
+        masks, labels = _masks(samples, stretches, told), ["braking"] * len(stretches)
+    say(f"{len(stretches)} curve{'s' if len(stretches) > 1 else ''} found in friction from {samples.source}")
+    load = (
+        float(car.wheel.load) * np.ones(len(log.time)) if start.share is None else float(car.wheel.load) * start.share
+    )
+    scale = load.mean() if signal == "force" else 9.81
+    zero_name = "force_zero" if signal == "force" else "acceleration_bias"
+    slip_noise = np.hypot(
+        float(car.wheel.radius) * noise_of(log, "wheel_speed"), (1 + samples.slip) * noise_of(log, "vehicle_speed")
+    )
+    slip_noise = slip_noise / log.vehicle_speed
+    parts, found, rms = [], {}, []
+    friction = samples.friction + values.get(zero_name, 0.0) / scale
+    for stretch, inside, side in zip(stretches, masks, labels):
+        part, zeros = _curve(curve, log, friction, slip_noise, stretch, inside, side, car, values, (zero_name, scale))
+        parts.append(part)
+        rms.append(part.residual_rms)
+        found = zeros | found
+    if start.slow and start.motion is not None:
+        delay = car.priors["speed_delay"]
+        found["speed_delay"] = Quantity(start.motion.delay, start.motion.delay_spread, delay.value, delay.spread, "s")
+    say(f"curve fit: {_told(curve, np.array([part.coefficients for part in parts]))}")
+    changes = (
+        [] if driven.sum() >= FEWEST_DRIVING else _changes(curve, samples, stretches, [p.coefficients for p in parts])
+    )
+    edges = [float(samples.time[0]), *(at for at, _ in changes), float(samples.time[-1])]
+    if changes or len(parts) == 1:
+        parts = [dataclasses.replace(part, start=edges[i], end=edges[i + 1]) for i, part in enumerate(parts)]
+    misfit = {signal: float(np.sqrt(np.mean(np.square(rms))))}
+    return Fitted(parts, [blend for _, blend in changes], found, misfit, "curve fit", True, [])
+
+
+def _curve(curve: Curve, log, friction, slip_noise, stretch, inside, side, car: Car, values, zero_of):
+    """The curve through some of the points, and the radius and the zero that they say are not as known."""
+    name, scale = zero_of
+    priors, size = car.priors, len(curve.names)
+    ratio = log.wheel_speed[inside] / log.vehicle_speed[inside]
+    guess = curve.near(np.maximum(stretch.coefficients, 1e-3))
+
+    def fit(free: frozenset[str]) -> Fit:
+        known = []
+        for quantity, unit in (("radius", 1.0), (name, -scale)):
+            prior = priors[quantity]
+            spread = prior.spread / abs(unit) if quantity in free else 0.0
+            known.append(Prior(np.array([prior.value / unit]), np.array([spread])))
+        return fit_curve(curve, ratio, friction[inside], slip_noise[inside], guess, radius=known[0], zero=known[1])
+
+    stated = [quantity for quantity in ("radius", name) if priors[quantity].stated and priors[quantity].spread > 0]
+    others = [quantity for quantity in ("radius", name) if not priors[quantity].stated]
+    _, best = selected(fit, stated, others)
+    found = {}
+    for i, (quantity, unit) in enumerate((("radius", 1.0), (name, -scale))):
+        spread = float(np.sqrt(best.covariance[size + i, size + i])) * abs(unit)
+        if spread > 0:
+            prior = priors[quantity]
+            value = float(best.shared[size + i]) * unit
+            found[quantity] = Quantity(value, spread, prior.value, prior.spread, KINDS[quantity].unit)
+    part = FittedStretch(
+        start=float(log.time[stretch.first]),
+        end=float(log.time[min(stretch.last, len(log.time) - 1)]),
+        coefficients=best.shared[:size],
+        covariance=best.covariance[:size, :size],
+        largest_slip=_largest(best.shared[size] * ratio - 1),
+        residual_rms=float(np.sqrt(np.mean(best.residual**2))),
+        samples=int(inside.sum()),
+        side=side,
+    )
+    return part, found
+
+
+def _masks(samples: FrictionSamples, stretches: list[Stretch], told: np.ndarray) -> list[np.ndarray]:
+    masks = []
+    for stretch in stretches:
+        inside = told.copy()
+        inside[: stretch.first], inside[stretch.last :] = False, False
+        for other in stretches[1:]:
+            inside &= np.abs(samples.time - samples.time[other.first]) > GUARD
+        masks.append(inside)
+    return masks
+
+
+def _whole(samples: FrictionSamples, inside: np.ndarray) -> Stretch:
+    """The whole log as a stretch, with a rough curve through some of its samples."""
+    some = FrictionSamples(samples.time[inside], samples.slip[inside], samples.friction[inside], samples.source)
+    rough = find_stretches(some, most=1)[0]
+    return Stretch(0, len(samples.time), rough.coefficients, rough.residual)

@@ -1,0 +1,36 @@
+"""Which of the car's quantities a log says are not what they are known as.
+
+What the car file gives with a standard deviation is free within it. Of the others the fewest are freed that make the
+fit as good as all of them would: each costs precision, and all of them together leave the road open, since a drag of
+the brake, a slope and a bias of the accelerometer look alike.
+"""
+
+from collections.abc import Callable, Iterable
+
+from tuning.road.arrow_fit import Fit
+
+WORTH = 12.0
+"""Fall of the sum of squares that a freed quantity has to bring; times the fit's inflation."""
+
+
+def selected(
+    fit: Callable[[frozenset[str]], Fit], always: Iterable[str], candidates: Iterable[str]
+) -> tuple[frozenset[str], Fit]:
+    """The quantities to be free, and the fit with them.
+
+    Args:
+        fit: the fit with given quantities free, residuals weighted alike for all.
+        always: free in any case.
+        candidates: that may be freed.
+    """
+    free, left = frozenset(always), list(candidates)
+    best = fit(free)
+    whole = fit(free | frozenset(left))
+    while left and best.cost - whole.cost > WORTH * whole.inflation:
+        trials = {name: fit(free | {name}) for name in left}
+        name = min(trials, key=lambda n: trials[n].cost)
+        if best.cost - trials[name].cost <= WORTH * whole.inflation:
+            return free | frozenset(left), whole
+        free, best = free | {name}, trials[name]
+        left.remove(name)
+    return free, best
