@@ -11,14 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from tuning.logs.channel_map import COLUMNS, sources_of
+from tuning.logs.channel_map import COLUMNS, Choice, checked, parse_columns, sources_of
 from tuning.logs.checks import check_agreement, check_sampling, check_values
 from tuning.logs.grid import Signal, gaps_of, grid_of
 from tuning.logs.quality import quality_of
 from tuning.logs.recording import LogError
 from tuning.logs.remarks import doubts_on, notes_on
 from tuning.logs.signals import signals_of
+from tuning.logs.signs import turned
 from tuning.logs.tables import read_recording
+
+__all__ = ["COLUMNS", "BrakeLog", "parse_columns", "read_log"]
 
 FEWEST_SAMPLES = 200
 SLOWEST = 1.0
@@ -79,31 +82,9 @@ class BrakeLog:
         return dataclasses.replace(self, **cut, measured={name: mask[inside] for name, mask in self.measured.items()})
 
 
-def parse_columns(declarations: str | None) -> dict[str, str]:
-    """`"wheel_speed=omega:rpm,time=t"` as `{"wheel_speed": "omega:rpm", "time": "t"}`.
-
-    Raises:
-        LogError: if a part has no '=', or names no signal.
-    """
-    columns = {}
-    for item in filter(None, (declarations or "").split(",")):
-        signal, equals, column = item.partition("=")
-        if not equals:
-            raise LogError(f"column declaration {item!r} must read SIGNAL=COLUMN or SIGNAL=COLUMN:UNIT")
-        columns[signal.strip()] = column.strip()
-    return _checked_signals(columns)
-
-
-def _checked_signals(columns: Mapping[str, str]) -> dict[str, str]:
-    for signal in columns:
-        if signal not in COLUMNS:
-            raise LogError(f"signal {signal!r} is unknown; there are {', '.join(COLUMNS)}")
-    return dict(columns)
-
-
 def read_log(
     path: str | Path,
-    columns: Mapping[str, str] | None = None,
+    columns: Mapping[str, str | Choice] | None = None,
     *,
     start: float | None = None,
     end: float | None = None,
@@ -113,17 +94,17 @@ def read_log(
 
     Args:
         path: of a format of `tuning.logs.tables.READERS`.
-        columns: signal -> "column" or "column:unit", where they differ from `COLUMNS`.
+        columns: signal -> "column", "column:unit" or what a channel map says, where they differ from `COLUMNS`.
         start, end: window of time to use [s].
-        radius: wheel radius [m], for the test whether wheel and vehicle speed are in their units.
+        radius: wheel radius [m], for speeds of the rim, and the test whether wheel and vehicle speed agree.
 
     Raises:
         LogError: naming file, column and row of whatever keeps the log from being used.
     """
     path = Path(path)
     recording = read_recording(path)
-    sources, notes = sources_of(recording, _checked_signals(columns or {}))
-    signals, left_out = signals_of(recording, sources)
+    sources, notes = sources_of(recording, checked(columns or {}), radius)
+    signals, left_out = signals_of(recording, sources, radius)
     clock = next((source.channel.name for source in sources if source.signal == "time"), "time")
     for signal in signals:
         if signal.time.size < 2:
@@ -133,6 +114,7 @@ def read_log(
         raise LogError(f"{path}: {most} samples, {FEWEST_SAMPLES} needed")
     check_sampling(path, clock, min(float(np.median(np.diff(signal.time))) for signal in signals))
     signals = _windowed(path, signals, start, end)
+    signals, signs = turned(signals, {s.signal for s in sources if s.choice.sign is not None}, radius)
     check_values(path, signals)
     qualities = [quality_of(signal.name, signal.time, signal.values) for signal in signals]
     for signal, quality in zip(signals, qualities):
@@ -149,12 +131,12 @@ def read_log(
         **grid.values,
         measured=grid.measured,
         resolution={signal.name: quality.resolution for signal, quality in zip(signals, qualities)},
-        notes=(*recording.notes, *notes, *left_out, *notes_on(signals, qualities, grid)),
+        notes=(*recording.notes, *notes, *left_out, *signs, *notes_on(signals, qualities, grid)),
         doubts=tuple(doubts_on(signals, qualities)),
     )
     log = _moving(path, log)
-    check_agreement(path, {signal.name: signal.channel.name for signal in signals}, log, radius)
-    return log
+    doubts = check_agreement(path, {source.signal: source for source in sources}, log, radius)
+    return dataclasses.replace(log, doubts=(*log.doubts, *doubts))
 
 
 def _windowed(path: Path, signals: list[Signal], start: float | None, end: float | None) -> list[Signal]:

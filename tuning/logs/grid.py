@@ -43,6 +43,10 @@ class Signal:
         """Where a sample stands, for messages."""
         return f"column {self.channel.name!r}, {self.channel.place(int(self.index[sample]))}"
 
+    def with_values(self, values: np.ndarray) -> "Signal":
+        """The same instants, other values."""
+        return dataclasses.replace(self, values=values)
+
     def only(self, kept: np.ndarray) -> "Signal":
         """The samples kept, bool (samples,)."""
         return dataclasses.replace(self, time=self.time[kept], values=self.values[kept], index=self.index[kept])

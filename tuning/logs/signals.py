@@ -6,15 +6,17 @@ import numpy as np
 
 from tuning.logs.channel_map import Source
 from tuning.logs.grid import Signal
+from tuning.logs.instants import instants
 from tuning.logs.recording import Channel, LogError, Recording, numbers
 
 
-def signals_of(recording: Recording, sources: Sequence[Source]) -> tuple[list[Signal], list[str]]:
+def signals_of(recording: Recording, sources: Sequence[Source], radius: float) -> tuple[list[Signal], list[str]]:
     """The signals of a recording, but for time, each at the instants at which it has a measurement; and notes.
 
     Args:
         recording: what the file holds.
         sources: where signals come from, `time` among them if channels do not bring their own.
+        radius: of the wheel [m], for speeds of its rim.
 
     Raises:
         LogError: naming file, column and row of a cell that is no number, or a time that does not increase.
@@ -23,33 +25,42 @@ def signals_of(recording: Recording, sources: Sequence[Source]) -> tuple[list[Si
     rest = [source for source in sources if source.signal != "time"]
     cells = {source.signal: numbers(recording.path, source.channel) for source in rest}
     notes: list[str] = []
+    found: dict[str, Signal] = {}
     if clock is None:
-        found = []
         for source in rest:
-            assert source.channel.time is not None
-            kept = _increasing(recording, source.channel, source.channel.time, [cells[source.signal]], notes)
-            found.append(_signal(source, source.channel.time[kept], cells[source.signal][kept], kept))
-        return found, notes
-    time = clock.converted(numbers(recording.path, clock.channel))
+            time = source.channel.time
+            if time is None:
+                raise LogError(f"{recording.path}, column {source.channel.name!r}: no time; declare one as time=COLUMN")
+            kept = _increasing(recording, source.channel, time, [cells[source.signal]], notes)
+            found[source.signal] = _signal(source, time[kept], cells[source.signal][kept], kept, radius)
+    else:
+        time, said = instants(recording.path, clock)
+        notes += said
+        for source in rest:
+            if len(cells[source.signal]) != len(time):
+                raise LogError(
+                    f"{recording.path}, column {source.channel.name!r}: {len(cells[source.signal])} samples, "
+                    f"{clock.channel.name!r} has {len(time)}"
+                )
+        kept = _increasing(recording, clock.channel, time, list(cells.values()), notes)
+        for source in rest:
+            found[source.signal] = _signal(source, time[kept], cells[source.signal][kept], kept, radius)
     for source in rest:
-        if len(cells[source.signal]) != len(time):
-            raise LogError(
-                f"{recording.path}, column {source.channel.name!r}: {len(cells[source.signal])} samples, "
-                f"{clock.channel.name!r} has {len(time)}"
-            )
-    kept = _increasing(recording, clock.channel, time, list(cells.values()), notes)
-    return [_signal(source, time[kept], cells[source.signal][kept], kept) for source in rest], notes
+        if source.unit.kind == "slip":
+            found[source.signal] = _from_slip(found[source.signal], found["vehicle_speed"], radius)
+    return list(found.values()), notes
 
 
-def _signal(source: Source, time: np.ndarray, cells: np.ndarray, index: np.ndarray) -> Signal:
+def _signal(source: Source, time: np.ndarray, cells: np.ndarray, index: np.ndarray, radius: float) -> Signal:
     there = np.isfinite(cells)
-    return Signal(
-        source.signal,
-        source.channel,
-        time[there] - source.delay,
-        source.converted(cells[there]),
-        index[there],
-    )
+    values = source.converted(cells[there], radius)
+    return Signal(source.signal, source.channel, time[there] - source.choice.delay, values, index[there])
+
+
+def _from_slip(slip: Signal, vehicle: Signal, radius: float) -> Signal:
+    """w = (1 + lambda) v / R."""
+    speed = np.interp(slip.time, vehicle.time, vehicle.values) if vehicle.time.size else np.zeros(slip.time.size)
+    return slip.with_values((1 + slip.values) * speed / radius)
 
 
 def _increasing(recording: Recording, clock: Channel, time: np.ndarray, cells: list[np.ndarray], notes: list[str]):
