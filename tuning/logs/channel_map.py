@@ -155,12 +155,10 @@ def sources_of(
     Raises:
         LogError: naming the file and what is missing, unknown or ambiguous.
     """
-    own_time = all(channel.time is not None for channel in recording.channels)
+    own_time = any(channel.time is not None for channel in recording.channels)
     rig = RIG if set(recording.names) >= RIG_MARKS else {}
     found, notes, unsaid = [], [], []
     for signal in COLUMNS:
-        if signal == "time" and own_time and signal not in declared:
-            continue
         given = declared.get(signal)
         wanted = _choice(given) if isinstance(given, str) else given or Choice()
         if wanted.column is not None:
@@ -170,7 +168,7 @@ def sources_of(
             channel = _recognised(recording, signal, rig)
             recognised = channel is not None and channel.name != COLUMNS[signal]
         if channel is None:
-            if signal in REQUIRED or given is not None:
+            if (signal in REQUIRED and not (signal == "time" and own_time)) or given is not None:
                 there = ", ".join(recording.names)
                 raise LogError(f"{recording.path}: no column {COLUMNS[signal]!r} for {signal}; there are {there}")
             continue

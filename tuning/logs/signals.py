@@ -24,27 +24,25 @@ def signals_of(recording: Recording, sources: Sequence[Source], radius: float) -
     clock = next((source for source in sources if source.signal == "time"), None)
     rest = [source for source in sources if source.signal != "time"]
     cells = {source.signal: numbers(recording.path, source.channel) for source in rest}
-    notes: list[str] = []
+    shared, notes = instants(recording.path, clock) if clock else (None, [])
     found: dict[str, Signal] = {}
-    if clock is None:
-        for source in rest:
-            time = source.channel.time
-            if time is None:
-                raise LogError(f"{recording.path}, column {source.channel.name!r}: no time; declare one as time=COLUMN")
-            kept = _increasing(recording, source.channel, time, [cells[source.signal]], notes)
-            found[source.signal] = _signal(source, time[kept], cells[source.signal][kept], kept, radius)
-    else:
-        time, said = instants(recording.path, clock)
-        notes += said
-        for source in rest:
-            if len(cells[source.signal]) != len(time):
-                raise LogError(
-                    f"{recording.path}, column {source.channel.name!r}: {len(cells[source.signal])} samples, "
-                    f"{clock.channel.name!r} has {len(time)}"
-                )
-        kept = _increasing(recording, clock.channel, time, list(cells.values()), notes)
-        for source in rest:
-            found[source.signal] = _signal(source, time[kept], cells[source.signal][kept], kept, radius)
+    kept: dict[int, np.ndarray] = {}
+    for source in rest:
+        own = source.channel.time
+        time, channel = (own, source.channel) if own is not None else (shared, clock and clock.channel)
+        if time is None or channel is None:
+            raise LogError(f"{recording.path}, column {source.channel.name!r}: no time; declare it as time=COLUMN")
+        if len(cells[source.signal]) != len(time):
+            raise LogError(
+                f"{recording.path}, column {source.channel.name!r}: {len(cells[source.signal])} samples, "
+                f"{channel.name!r} has {len(time)}"
+            )
+        if id(time) not in kept:
+            beside = [cells[other.signal] for other in rest if own is None or other.channel.time is own]
+            beside = [values for values in beside if len(values) == len(time)]
+            kept[id(time)] = _increasing(recording, channel, time, beside, notes)
+        there = kept[id(time)]
+        found[source.signal] = _signal(source, time[there], cells[source.signal][there], there, radius)
     for source in rest:
         if source.unit.kind == "slip":
             found[source.signal] = _from_slip(found[source.signal], found["vehicle_speed"], radius)
