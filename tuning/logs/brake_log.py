@@ -7,21 +7,21 @@ in `BrakeLog.doubts`, and what cannot be used is refused.
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tuning.logs.channel_map import COLUMNS, Choice, checked, parse_columns, sources_of
+from tuning.logs.channel_map import COLUMNS, Choice, Source, checked, parse_columns, sources_of
 from tuning.logs.checks import check_agreement, check_sampling, check_values
 from tuning.logs.grid import Signal, gaps_of, grid_of
-from tuning.logs.quality import quality_of
+from tuning.logs.quality import Quality, quality_of
 from tuning.logs.recording import LogError
 from tuning.logs.remarks import doubts_on, notes_on
 from tuning.logs.signals import signals_of
 from tuning.logs.signs import turned
 from tuning.logs.tables import read_recording
 
-__all__ = ["COLUMNS", "BrakeLog", "parse_columns", "read_log"]
+__all__ = ["COLUMNS", "BrakeLog", "Reading", "parse_columns", "read_log", "reading"]
 
 FEWEST_SAMPLES = 200
 SLOWEST = 1.0
@@ -82,6 +82,18 @@ class BrakeLog:
         return dataclasses.replace(self, **cut, measured={name: mask[inside] for name, mask in self.measured.items()})
 
 
+class Reading(NamedTuple):
+    """A log, and what it was made of."""
+
+    log: BrakeLog
+    sources: dict[str, Source]
+    """by signal, the channel it comes from and its unit"""
+    signals: list[Signal]
+    """at their own instants"""
+    qualities: list[Quality]
+    """of these"""
+
+
 def read_log(
     path: str | Path,
     columns: Mapping[str, str | Choice] | None = None,
@@ -101,27 +113,30 @@ def read_log(
     Raises:
         LogError: naming file, column and row of whatever keeps the log from being used.
     """
+    return reading(path, columns, start=start, end=end, radius=radius).log
+
+
+def reading(
+    path: str | Path,
+    columns: Mapping[str, str | Choice] | None = None,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    radius: float = 0.3,
+) -> Reading:
+    """`read_log`, with what it was made of."""
     path = Path(path)
     recording = read_recording(path)
-    sources, notes = sources_of(recording, checked(columns or {}), radius)
-    signals, left_out = signals_of(recording, sources, radius)
-    clock = next((source.channel.name for source in sources if source.signal == "time"), "time")
-    for signal in signals:
-        if signal.time.size < 2:
-            raise LogError(f"{path}, column {signal.channel.name!r}: {signal.time.size} samples of {signal.name}")
-    if max(signal.time.size for signal in signals) < FEWEST_SAMPLES:
-        most = max(signal.time.size for signal in signals)
-        raise LogError(f"{path}: {most} samples, {FEWEST_SAMPLES} needed")
-    check_sampling(path, clock, min(float(np.median(np.diff(signal.time))) for signal in signals))
+    found, notes = sources_of(recording, checked(columns or {}), radius)
+    sources = {source.signal: source for source in found}
+    signals, left_out = signals_of(recording, found, radius)
+    _check_size(path, sources, signals)
     signals = _windowed(path, signals, start, end)
-    signals, signs = turned(signals, {s.signal for s in sources if s.choice.sign is not None}, radius)
+    signals, signs = turned(signals, {name for name, source in sources.items() if source.choice.sign}, radius)
     check_values(path, signals)
     qualities = [quality_of(signal.name, signal.time, signal.values) for signal in signals]
     for signal, quality in zip(signals, qualities):
-        try:
-            gaps_of(signal, quality.taken)
-        except LogError as error:
-            raise LogError(f"{path}, {error}") from None
+        gaps_of(path, signal, quality.taken)
     grid = grid_of(signals, qualities)
     if grid.time.size < FEWEST_SAMPLES:
         raise LogError(f"{path}: {grid.time.size} samples of all signals together, {FEWEST_SAMPLES} needed")
@@ -131,12 +146,24 @@ def read_log(
         **grid.values,
         measured=grid.measured,
         resolution={signal.name: quality.resolution for signal, quality in zip(signals, qualities)},
-        notes=(*recording.notes, *notes, *left_out, *signs, *notes_on(signals, qualities, grid)),
+        notes=(*recording.notes, *notes, *left_out, *signs, *notes_on(path, signals, qualities, grid)),
         doubts=tuple(doubts_on(signals, qualities)),
     )
     log = _moving(path, log)
-    doubts = check_agreement(path, {source.signal: source for source in sources}, log, radius)
-    return dataclasses.replace(log, doubts=(*log.doubts, *doubts))
+    doubts = check_agreement(path, sources, log, radius)
+    log = dataclasses.replace(log, doubts=(*log.doubts, *doubts))
+    return Reading(log, sources, signals, qualities)
+
+
+def _check_size(path: Path, sources: Mapping[str, Source], signals: list[Signal]) -> None:
+    for signal in signals:
+        if signal.time.size < 2:
+            raise LogError(f"{path}, column {signal.channel.name!r}: {signal.time.size} samples of {signal.name}")
+    most = max(signal.time.size for signal in signals)
+    if most < FEWEST_SAMPLES:
+        raise LogError(f"{path}: {most} samples, {FEWEST_SAMPLES} needed")
+    clock = sources["time"].channel.name if "time" in sources else signals[0].channel.name
+    check_sampling(path, clock, min(float(np.median(np.diff(signal.time))) for signal in signals))
 
 
 def _windowed(path: Path, signals: list[Signal], start: float | None, end: float | None) -> list[Signal]:

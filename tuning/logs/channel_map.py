@@ -139,6 +139,15 @@ def read_channel_map(path: Path) -> dict[str, Choice]:
     return found
 
 
+def declarations(columns: str | None, channels: Path | None) -> dict[str, "str | Choice"]:
+    """What --columns and --channels say together; --columns counts where both do.
+
+    Raises:
+        LogError: if one of them cannot be used.
+    """
+    return {**({} if channels is None else read_channel_map(channels)), **parse_columns(columns)}
+
+
 def _choice(text: str) -> Choice:
     """`COLUMN`, `COLUMN:UNIT` or `"COLUMN":UNIT`; which of the first two it is only the log can tell."""
     if not text.startswith('"'):
