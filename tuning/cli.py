@@ -8,11 +8,20 @@ import typer
 
 from tuning.controllers import command as controllers
 from tuning.encoder import command as encoder
+from tuning.logs import command as logs
 from tuning.observers import command as observers
 from tuning.road import command as road
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__, pretty_exceptions_enable=False)
+# Without markup: help and errors show units and names in brackets as they are.
+app = typer.Typer(
+    add_completion=False,
+    no_args_is_help=True,
+    help=__doc__,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
 COMMANDS = {
+    "describe": logs.describe,
     "identify": road.identify,
     "tune-abs": controllers.tune_abs,
     "abs-sets": controllers.abs_sets,

@@ -7,18 +7,21 @@ in `BrakeLog.doubts`, and what cannot be used is refused.
 import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from tuning.logs.channel_map import COLUMNS, sources_of
+from tuning.logs.channel_map import COLUMNS, Choice, Source, checked, parse_columns, sources_of
 from tuning.logs.checks import check_agreement, check_sampling, check_values
 from tuning.logs.grid import Signal, gaps_of, grid_of
-from tuning.logs.quality import quality_of
+from tuning.logs.quality import Quality, quality_of
 from tuning.logs.recording import LogError
 from tuning.logs.remarks import doubts_on, notes_on
 from tuning.logs.signals import signals_of
+from tuning.logs.signs import turned
 from tuning.logs.tables import read_recording
+
+__all__ = ["COLUMNS", "BrakeLog", "Reading", "parse_columns", "read_log", "reading"]
 
 FEWEST_SAMPLES = 200
 SLOWEST = 1.0
@@ -79,31 +82,21 @@ class BrakeLog:
         return dataclasses.replace(self, **cut, measured={name: mask[inside] for name, mask in self.measured.items()})
 
 
-def parse_columns(declarations: str | None) -> dict[str, str]:
-    """`"wheel_speed=omega:rpm,time=t"` as `{"wheel_speed": "omega:rpm", "time": "t"}`.
+class Reading(NamedTuple):
+    """A log, and what it was made of."""
 
-    Raises:
-        LogError: if a part has no '=', or names no signal.
-    """
-    columns = {}
-    for item in filter(None, (declarations or "").split(",")):
-        signal, equals, column = item.partition("=")
-        if not equals:
-            raise LogError(f"column declaration {item!r} must read SIGNAL=COLUMN or SIGNAL=COLUMN:UNIT")
-        columns[signal.strip()] = column.strip()
-    return _checked_signals(columns)
-
-
-def _checked_signals(columns: Mapping[str, str]) -> dict[str, str]:
-    for signal in columns:
-        if signal not in COLUMNS:
-            raise LogError(f"signal {signal!r} is unknown; there are {', '.join(COLUMNS)}")
-    return dict(columns)
+    log: BrakeLog
+    sources: dict[str, Source]
+    """by signal, the channel it comes from and its unit"""
+    signals: list[Signal]
+    """at their own instants"""
+    qualities: list[Quality]
+    """of these"""
 
 
 def read_log(
     path: str | Path,
-    columns: Mapping[str, str] | None = None,
+    columns: Mapping[str, str | Choice] | None = None,
     *,
     start: float | None = None,
     end: float | None = None,
@@ -113,34 +106,37 @@ def read_log(
 
     Args:
         path: of a format of `tuning.logs.tables.READERS`.
-        columns: signal -> "column" or "column:unit", where they differ from `COLUMNS`.
-        start: of the window of time to use [s].
-        end: of that window [s].
-        radius: wheel radius [m], for the test whether wheel and vehicle speed are in their units.
+        columns: signal -> "column", "column:unit" or what a channel map says, where they differ from `COLUMNS`.
+        start, end: window of time to use [s].
+        radius: wheel radius [m], for speeds of the rim, and the test whether wheel and vehicle speed agree.
 
     Raises:
         LogError: naming file, column and row of whatever keeps the log from being used.
     """
+    return reading(path, columns, start=start, end=end, radius=radius).log
+
+
+def reading(
+    path: str | Path,
+    columns: Mapping[str, str | Choice] | None = None,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    radius: float = 0.3,
+) -> Reading:
+    """`read_log`, with what it was made of."""
     path = Path(path)
     recording = read_recording(path)
-    sources, notes = sources_of(recording, _checked_signals(columns or {}))
-    signals, left_out = signals_of(recording, sources)
-    clock = next((source.channel.name for source in sources if source.signal == "time"), "time")
-    for signal in signals:
-        if signal.time.size < 2:
-            raise LogError(f"{path}, column {signal.channel.name!r}: {signal.time.size} samples of {signal.name}")
-    if max(signal.time.size for signal in signals) < FEWEST_SAMPLES:
-        most = max(signal.time.size for signal in signals)
-        raise LogError(f"{path}: {most} samples, {FEWEST_SAMPLES} needed")
-    check_sampling(path, clock, min(float(np.median(np.diff(signal.time))) for signal in signals))
+    found, notes = sources_of(recording, checked(columns or {}), radius)
+    sources = {source.signal: source for source in found}
+    signals, left_out = signals_of(recording, found, radius)
+    _check_size(path, sources, signals)
     signals = _windowed(path, signals, start, end)
+    signals, signs = turned(signals, {name for name, source in sources.items() if source.choice.sign}, radius)
     check_values(path, signals)
     qualities = [quality_of(signal.name, signal.time, signal.values) for signal in signals]
     for signal, quality in zip(signals, qualities):
-        try:
-            gaps_of(signal, quality.taken)
-        except LogError as error:
-            raise LogError(f"{path}, {error}") from None
+        gaps_of(path, signal, quality.taken)
     grid = grid_of(signals, qualities)
     if grid.time.size < FEWEST_SAMPLES:
         raise LogError(f"{path}: {grid.time.size} samples of all signals together, {FEWEST_SAMPLES} needed")
@@ -150,12 +146,24 @@ def read_log(
         **grid.values,
         measured=grid.measured,
         resolution={signal.name: quality.resolution for signal, quality in zip(signals, qualities)},
-        notes=(*recording.notes, *notes, *left_out, *notes_on(signals, qualities, grid)),
+        notes=(*recording.notes, *notes, *left_out, *signs, *notes_on(path, signals, qualities, grid)),
         doubts=tuple(doubts_on(signals, qualities)),
     )
     log = _moving(path, log)
-    check_agreement(path, {signal.name: signal.channel.name for signal in signals}, log, radius)
-    return log
+    doubts = check_agreement(path, sources, log, radius)
+    log = dataclasses.replace(log, doubts=(*log.doubts, *doubts))
+    return Reading(log, sources, signals, qualities)
+
+
+def _check_size(path: Path, sources: Mapping[str, Source], signals: list[Signal]) -> None:
+    for signal in signals:
+        if signal.time.size < 2:
+            raise LogError(f"{path}, column {signal.channel.name!r}: {signal.time.size} samples of {signal.name}")
+    most = max(signal.time.size for signal in signals)
+    if most < FEWEST_SAMPLES:
+        raise LogError(f"{path}: {most} samples, {FEWEST_SAMPLES} needed")
+    clock = sources["time"].channel.name if "time" in sources else signals[0].channel.name
+    check_sampling(path, clock, min(float(np.median(np.diff(signal.time))) for signal in signals))
 
 
 def _windowed(path: Path, signals: list[Signal], start: float | None, end: float | None) -> list[Signal]:

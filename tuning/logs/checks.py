@@ -1,12 +1,14 @@
 """What is refused: values that are not plausible in their unit, and signals that do not agree with each other."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 
+from tuning.logs.channel_map import Source
 from tuning.logs.grid import Signal
 from tuning.logs.recording import LogError
+from tuning.logs.units import Unit, unit_of
 
 LARGEST = {
     "wheel_speed": (600.0, "rad/s", "rpm or deg/s"),
@@ -19,6 +21,10 @@ LARGEST = {
 """Largest magnitude that is plausible, in which unit, and the unit a larger one suggests."""
 BACKWARDS = -0.5
 """Wheel speed below which a wheel turns backwards [rad/s]; less is the noise of a locked one."""
+RELEASED, FEWEST_ROLLING = 0.03, 20
+"""Share of the span of the pressure up to which the brake is released; samples of it from which a ratio is taken."""
+FITS, WELL, OFF = 0.02, 0.03, 0.05
+"""By how much R w / v of a rolling wheel is off 1 with the right unit, without a word, and without another unit."""
 SLOWEST_SAMPLING, FASTEST_SAMPLING = 0.05, 1e-5
 """Sampling periods that can be used [s]."""
 
@@ -74,23 +80,53 @@ def check_sampling(path: Path, column: str, period: float) -> None:
         )
 
 
-def check_agreement(path: Path, columns: Mapping[str, str], log, radius: float) -> None:
+def rolling_ratio(log, radius: float) -> float:
+    """R w / v while the wheel rolls: near the top of the samples of least pressure, or of all.
+
+    Args:
+        log: a `tuning.logs.brake_log.BrakeLog`.
+        radius: of the wheel [m].
+    """
+    ratio = radius * log.wheel_speed / log.vehicle_speed
+    if log.brake_pressure is not None:
+        pressure = log.brake_pressure
+        low = pressure <= np.quantile(pressure, 0.005) + RELEASED * np.ptp(pressure)
+        if low.sum() >= FEWEST_ROLLING:
+            return float(np.quantile(ratio[low], 0.9))
+    return float(np.quantile(ratio, 0.95))
+
+
+def check_agreement(path: Path, sources: Mapping[str, Source], log, radius: float) -> list[str]:
     """Refuse units that are wrong without being implausible by themselves.
 
     Args:
-        columns: of the signals, for messages.
+        sources: of the signals.
         log: a `tuning.logs.brake_log.BrakeLog`.
         radius: of the wheel [m].
+
+    Returns:
+        What is doubtful.
 
     Raises:
         LogError: naming file and columns.
     """
-    ratio = float(np.quantile(radius * log.wheel_speed / log.vehicle_speed, 0.99))
-    if not 0.5 < ratio < 1.6:
+    doubts = []
+    columns = {name: source.channel.name for name, source in sources.items()}
+    rolling = rolling_ratio(log, radius)
+    top = float(np.quantile(radius * log.wheel_speed / log.vehicle_speed, 0.99))
+    fitting = [] if abs(rolling - 1) < WELL else list(_fitting(sources, rolling, radius))
+    if not 0.5 < top < 1.6 or (fitting and abs(rolling - 1) > OFF):
+        hint = "one of them is in another unit, or the radius is wrong"
+        if fitting:
+            hint = "; ".join(f"it would be {ratio:.3f} with {name}={columns[name]}:{u}" for name, u, ratio in fitting)
         raise LogError(
             f"{path}, columns {columns['wheel_speed']!r} and {columns['vehicle_speed']!r}: a rolling wheel "
-            f"of radius {radius:g} m would have R w / v near 1, here it is {ratio:.3g}; "
-            "one of them is in another unit, or the radius is wrong"
+            f"of radius {radius:g} m would have R w / v near 1, here it is {rolling if fitting else top:.3g}; {hint}"
+        )
+    if rolling > 1 + WELL:  # below 1 it may be slip
+        doubts.append(
+            f"wheel_speed, vehicle_speed: while the wheel rolls R w / v is {rolling:.3f}, above 1; "
+            f"the radius of {radius:g} m or one of the speeds is off"
         )
     if log.acceleration is not None:
         lost = log.vehicle_speed[0] - log.vehicle_speed[-1]
@@ -100,3 +136,26 @@ def check_agreement(path: Path, columns: Mapping[str, str], log, radius: float) 
                 f"{path}, column {columns['acceleration']!r}: it integrates to {integral:.3g} m/s where the vehicle "
                 f"lost {lost:.3g} m/s; is it in g?"
             )
+    return doubts
+
+
+def _fitting(sources: Mapping[str, Source], ratio: float, radius: float) -> Iterator[tuple[str, str, float]]:
+    """Units in which one of the speeds would agree with the other: signal, unit, R w / v with it."""
+    for name, inverted, candidates in (
+        ("wheel_speed", False, ("rad/s", "rpm", "deg/s", "rev/s", "km/h", "m/s", "mph")),
+        ("vehicle_speed", True, ("m/s", "km/h", "mph")),
+    ):
+        present = _scale(sources[name].unit, radius)
+        for text in candidates:
+            unit = unit_of(name, text)
+            if unit is None or present is None:
+                continue
+            change = (_scale(unit, radius) or 1.0) / present
+            found = ratio / change if inverted else ratio * change
+            if abs(found - 1) < FITS:
+                yield name, text, found
+
+
+def _scale(unit: Unit, radius: float) -> float | None:
+    """The project's unit over a unit; None for one that is not a mere factor."""
+    return {"": unit.factor, "rim": unit.factor / radius}.get(unit.kind)

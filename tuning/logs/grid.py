@@ -6,6 +6,7 @@ blocks, slower ones interpolated linearly between their measurements.
 
 import dataclasses
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -42,6 +43,10 @@ class Signal:
     def place(self, sample: int) -> str:
         """Where a sample stands, for messages."""
         return f"column {self.channel.name!r}, {self.channel.place(int(self.index[sample]))}"
+
+    def with_values(self, values: np.ndarray) -> "Signal":
+        """The same instants, other values."""
+        return dataclasses.replace(self, values=values)
 
     def only(self, kept: np.ndarray) -> "Signal":
         """The samples kept, bool (samples,)."""
@@ -83,7 +88,7 @@ def timing_of(time: np.ndarray) -> Timing:
     return Timing(period, float(np.std(usual) / np.sqrt(2) / period), False)
 
 
-def gaps_of(signal: Signal, taken: np.ndarray) -> np.ndarray:
+def gaps_of(path: Path, signal: Signal, taken: np.ndarray) -> np.ndarray:
     """Samples, of those taken, after which one is missing.
 
     Raises:
@@ -98,7 +103,7 @@ def gaps_of(signal: Signal, taken: np.ndarray) -> np.ndarray:
         if steps[worst] > 1.001 * max(LONGEST_GAP, GAP_PERIODS * period):
             before, after = signal.time[points[worst]], signal.time[points[worst + 1]]
             raise LogError(
-                f"{signal.place(int(points[worst + 1]))}: a gap of {steps[worst]:g} s in {signal.name}; "
+                f"{path}, {signal.place(int(points[worst + 1]))}: a gap of {steps[worst]:g} s in {signal.name}; "
                 f"the sampling period is {period:g} s. Use the log up to {before:g} s, or from {after:g} s on"
             )
     return gaps

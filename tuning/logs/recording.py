@@ -1,7 +1,8 @@
 """What a file of a log holds, before anybody says what it means: channels, each with its cells, unit and places."""
 
+import contextlib
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,19 @@ class Recording:
         if len(found) > 1:
             raise LogError(f"{self.path}: column {name!r} stands twice in the header")
         return found[0]
+
+
+@contextlib.contextmanager
+def needs(path: Path, what: str, extra: str) -> Iterator[None]:
+    """What is imported inside is an extra of the project.
+
+    Raises:
+        LogError: naming the file and what to install, where it is missing.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise LogError(f"{path}: {what} need {error.name}: pip install 'absjax[{extra}]'") from None
 
 
 def table_recording(

@@ -1,6 +1,7 @@
 """What reading did to signals, and what looks wrong with them, in sentences."""
 
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import numpy as np
 
@@ -22,7 +23,7 @@ SHOWN = 3
 """Stretches of a kind that are named; the others are counted."""
 
 
-def notes_on(signals: Sequence[Signal], qualities: Sequence[Quality], grid: Grid) -> list[str]:
+def notes_on(path: Path, signals: Sequence[Signal], qualities: Sequence[Quality], grid: Grid) -> list[str]:
     """What was made of the signals."""
     step = float(np.median(np.diff(grid.time)))
     found: list[tuple[str, str]] = []
@@ -33,7 +34,7 @@ def notes_on(signals: Sequence[Signal], qualities: Sequence[Quality], grid: Grid
             found.append((f"each value held for {hold:g} s: sampled at {1 / hold:.4g} Hz", signal.name))
         taken = timing_of(signal.time[quality.taken])
         if quality.held == 1:
-            gaps = gaps_of(signal, quality.taken)
+            gaps = gaps_of(path, signal, quality.taken)
             if gaps.size:
                 longest = np.diff(signal.time[quality.taken])[gaps].max()
                 found.append((f"{gaps.size} gaps bridged, the longest {longest:.3g} s", signal.name))

@@ -6,15 +6,17 @@ import numpy as np
 
 from tuning.logs.channel_map import Source
 from tuning.logs.grid import Signal
+from tuning.logs.instants import instants
 from tuning.logs.recording import Channel, LogError, Recording, numbers
 
 
-def signals_of(recording: Recording, sources: Sequence[Source]) -> tuple[list[Signal], list[str]]:
+def signals_of(recording: Recording, sources: Sequence[Source], radius: float) -> tuple[list[Signal], list[str]]:
     """The signals of a recording, but for time, each at the instants at which it has a measurement; and notes.
 
     Args:
         recording: what the file holds.
         sources: where signals come from, `time` among them if channels do not bring their own.
+        radius: of the wheel [m], for speeds of its rim.
 
     Raises:
         LogError: naming file, column and row of a cell that is no number, or a time that does not increase.
@@ -22,34 +24,41 @@ def signals_of(recording: Recording, sources: Sequence[Source]) -> tuple[list[Si
     clock = next((source for source in sources if source.signal == "time"), None)
     rest = [source for source in sources if source.signal != "time"]
     cells = {source.signal: numbers(recording.path, source.channel) for source in rest}
-    notes: list[str] = []
-    if clock is None:
-        found = []
-        for source in rest:
-            assert source.channel.time is not None
-            kept = _increasing(recording, source.channel, source.channel.time, [cells[source.signal]], notes)
-            found.append(_signal(source, source.channel.time[kept], cells[source.signal][kept], kept))
-        return found, notes
-    time = clock.converted(numbers(recording.path, clock.channel))
+    shared, notes = instants(recording.path, clock) if clock else (None, [])
+    found: dict[str, Signal] = {}
+    kept: dict[int, np.ndarray] = {}
     for source in rest:
+        own = source.channel.time
+        time, channel = (own, source.channel) if own is not None else (shared, clock and clock.channel)
+        if time is None or channel is None:
+            raise LogError(f"{recording.path}, column {source.channel.name!r}: no time; declare it as time=COLUMN")
         if len(cells[source.signal]) != len(time):
             raise LogError(
                 f"{recording.path}, column {source.channel.name!r}: {len(cells[source.signal])} samples, "
-                f"{clock.channel.name!r} has {len(time)}"
+                f"{channel.name!r} has {len(time)}"
             )
-    kept = _increasing(recording, clock.channel, time, list(cells.values()), notes)
-    return [_signal(source, time[kept], cells[source.signal][kept], kept) for source in rest], notes
+        if id(time) not in kept:
+            beside = [cells[other.signal] for other in rest if own is None or other.channel.time is own]
+            beside = [values for values in beside if len(values) == len(time)]
+            kept[id(time)] = _increasing(recording, channel, time, beside, notes)
+        there = kept[id(time)]
+        found[source.signal] = _signal(source, time[there], cells[source.signal][there], there, radius)
+    for source in rest:
+        if source.unit.kind == "slip":
+            found[source.signal] = _from_slip(found[source.signal], found["vehicle_speed"], radius)
+    return list(found.values()), notes
 
 
-def _signal(source: Source, time: np.ndarray, cells: np.ndarray, index: np.ndarray) -> Signal:
+def _signal(source: Source, time: np.ndarray, cells: np.ndarray, index: np.ndarray, radius: float) -> Signal:
     there = np.isfinite(cells)
-    return Signal(
-        source.signal,
-        source.channel,
-        time[there] - source.delay,
-        source.converted(cells[there]),
-        index[there],
-    )
+    values = source.converted(cells[there], radius)
+    return Signal(source.signal, source.channel, time[there] - source.choice.delay, values, index[there])
+
+
+def _from_slip(slip: Signal, vehicle: Signal, radius: float) -> Signal:
+    """w = (1 + lambda) v / R."""
+    speed = np.interp(slip.time, vehicle.time, vehicle.values) if vehicle.time.size else np.zeros(slip.time.size)
+    return slip.with_values((1 + slip.values) * speed / radius)
 
 
 def _increasing(recording: Recording, clock: Channel, time: np.ndarray, cells: list[np.ndarray], notes: list[str]):

@@ -7,11 +7,20 @@ import numpy as np
 import pandas as pd
 
 from tuning.logs.csv_reader import read_csv
+from tuning.logs.mat_reader import read_mat
+from tuning.logs.mdf_reader import read_mdf
+from tuning.logs.parquet_reader import read_parquet
 from tuning.logs.recording import LogError, Recording
 
 __all__ = ["READERS", "LogError", "column_of", "read_recording", "read_table"]
 
-READERS: dict[str, Callable[[Path], Recording]] = {".csv": read_csv}
+READERS: dict[str, Callable[[Path], Recording]] = {
+    ".csv": read_csv,
+    ".parquet": read_parquet,
+    ".mat": read_mat,
+    ".mf4": read_mdf,
+    ".mdf": read_mdf,
+}
 """By the ending of the file's name; others are read as `.csv`."""
 
 

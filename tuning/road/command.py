@@ -7,14 +7,14 @@ from typing import Annotated, Any
 import typer
 
 from tuning.core.command import Force, Out, carry_out, say
+from tuning.logs.command import Channels, Columns
 
 
 def identify(
-    log: Annotated[Path, typer.Argument(help="Brake log, CSV with a header.")],
+    log: Annotated[Path, typer.Argument(help="Brake log: CSV, Parquet, MATLAB or MDF.")],
     out: Out,
-    columns: Annotated[
-        str | None, typer.Option(help="SIGNAL=COLUMN[:UNIT], comma-separated, where they differ.")
-    ] = None,
+    columns: Columns = None,
+    channels: Channels = None,
     car: Annotated[Path | None, typer.Option(help="JSON with inertia, radius, load, brake_efficiency.")] = None,
     load: Annotated[float | None, typer.Option(help="Vertical load on the wheel [N]; overrides the car.")] = None,
     start: Annotated[float | None, typer.Option("--from", help="Use the log from this time on [s].")] = None,
@@ -34,17 +34,22 @@ def identify(
         from tuning.logs.car import car_of
 
         given = car_of(log, car)
-        return (log, given), lambda: identified(log, out, columns, given, load, start, end, tyre)
+        return (log, given, channels), lambda: identified(
+            log, out, columns, given, load, start, end, tyre, channels=channels
+        )
 
     carry_out(out, work, force=force)
 
 
-def identified(log, out, columns=None, car=None, load=None, start=None, end=None, tyre="burckhardt") -> Any:
+def identified(
+    log, out, columns=None, car=None, load=None, start=None, end=None, tyre="burckhardt", *, channels=None
+) -> Any:
     """Report of the friction curve of a log."""
     from tuning.core.files import write_json
     from tuning.core.report import Report
-    from tuning.logs.brake_log import parse_columns, read_log
+    from tuning.logs.brake_log import read_log
     from tuning.logs.car import Car, read_car
+    from tuning.logs.channel_map import declarations
     from tuning.road.figures import identification_figures
     from tuning.road.identify import identify
     from tuning.road.report import identification_rows, quantity_rows
@@ -54,7 +59,7 @@ def identified(log, out, columns=None, car=None, load=None, start=None, end=None
         known = dataclasses.replace(known, wheel=dataclasses.replace(known.wheel, load=load))
     wheel = known.wheel
     say(f"car: {car or 'default wheel'}, load {float(wheel.load):g} N, radius {float(wheel.radius):g} m")
-    data = read_log(log, parse_columns(columns), start=start, end=end, radius=float(wheel.radius))
+    data = read_log(log, declarations(columns, channels), start=start, end=end, radius=float(wheel.radius))
     result = identify(data, known, tyre, progress=lambda text: say(f"  {text}"))
     lines = [f"verdict: {result.verdict}", *(f"  {reason}" for reason in result.reasons), *result.notes]
     lines += [f"{segment.start:.3f} s: {said}" for segment in result.segments for said in segment.statements]

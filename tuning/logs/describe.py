@@ -1,0 +1,98 @@
+"""What a brake log holds, in words, numbers and a figure."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from absjax.plant.wheel import Wheel
+from tuning.core.figures import save
+from tuning.core.files import write_json
+from tuning.core.report import Report
+from tuning.core.version import VERSION
+from tuning.logs.brake_log import Reading, reading
+from tuning.logs.car import read_car
+from tuning.logs.channel_map import declarations
+from tuning.logs.figures import description_figure
+from tuning.logs.grid import timing_of
+from tuning.logs.remarks import UNITS
+
+
+def described(
+    log: Path,
+    out: Path,
+    columns: str | None = None,
+    channels: Path | None = None,
+    car: Path | None = None,
+    start: float | None = None,
+    end: float | None = None,
+) -> Report:
+    """Report of what a log holds.
+
+    Raises:
+        LogError: if the log cannot be used, or a declaration.
+    """
+    radius = float((Wheel() if car is None else read_car(car)).radius)
+    found = reading(log, declarations(columns, channels), start=start, end=end, radius=radius)
+    result = description(found)
+    files = [
+        write_json(out / "result.json", {**result, "version": VERSION}),
+        save(description_figure(found), out / "description.png"),
+    ]
+    lines = [f"{name}: column {source.channel.name!r} in {source.unit.text}" for name, source in found.sources.items()]
+    lines += found.log.notes
+    lines += [f"doubtful: {said}" for said in found.log.doubts] or ["nothing looks wrong"]
+    return Report({f"{found.log.name}: signals": _rows(result["signals"])}, lines, files)
+
+
+def description(found: Reading) -> dict[str, Any]:
+    """What a log holds, as a plain dictionary; of each signal in the project's unit."""
+    log = found.log
+    signals = {}
+    for signal, quality in zip(found.signals, found.qualities):
+        source, name = found.sources[signal.name], signal.name
+        timing = timing_of(signal.time[quality.taken])
+        values = getattr(log, name)
+        signals[name] = {
+            "column": source.channel.name,
+            "column_unit": source.unit.text,
+            "unit": UNITS[name],
+            "samples": int(signal.time.size),
+            "rate": 1 / timing.period,
+            "jitter": timing.jitter,
+            "least": float(values.min()),
+            "median": float(np.median(values)),
+            "largest": float(values.max()),
+            "resolution": quality.resolution,
+            "held": quality.held,
+            "measured": float(log.measured[name].mean()),
+            "clipped": list(quality.clipped),
+            "stuck": [[float(signal.time[a]), float(signal.time[b])] for a, b in quality.stuck],
+            "spikes": [float(t) for t in signal.time[quality.spikes]],
+        }
+    return {
+        "log": log.name,
+        "start": float(log.time[0]),
+        "end": float(log.time[-1]),
+        "step": log.period,
+        "signals": signals,
+        "notes": list(log.notes),
+        "doubts": list(log.doubts),
+    }
+
+
+def _rows(signals: dict[str, Any]) -> list[dict[str, Any]]:
+    return [
+        {
+            "signal": name,
+            "unit": told["unit"],
+            "samples": told["samples"],
+            "rate [Hz]": round(told["rate"], 1),
+            "least": f"{told['least']:.4g}",
+            "median": f"{told['median']:.4g}",
+            "largest": f"{told['largest']:.4g}",
+            "step": f"{told['resolution']:.3g}" if told["resolution"] else "in the noise",
+            "measured": f"{told['measured']:.1%}",
+        }
+        for name, told in signals.items()
+    ]
