@@ -107,7 +107,8 @@ def read_log(
     Args:
         path: of a format of `tuning.logs.tables.READERS`.
         columns: signal -> "column", "column:unit" or what a channel map says, where they differ from `COLUMNS`.
-        start, end: window of time to use [s].
+        start: of the window of time to use [s].
+        end: of that window [s].
         radius: wheel radius [m], for speeds of the rim, and the test whether wheel and vehicle speed agree.
 
     Raises:

@@ -12,6 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 MOST_ITERATIONS = 60
+RIDGE = 1e-10
+"""Of its diagonal, added to what is known of a lane's own state: two states that look alike have an inverse still."""
 Evaluate = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
 
 
@@ -83,7 +85,7 @@ def arrow_fit(
         own_step = -np.einsum("lij,lj->li", own_inverse, own_vector + np.einsum("lpj,p->lj", cross, step))
         trial = evaluate(trial_shared, own + own_step)
         trial_cost = _cost(trial[0], trial_shared, prior)
-        if np.isfinite(trial_cost) and trial_cost <= cost:
+        if trial_cost <= cost and all(np.isfinite(np.sum(slopes**2)) for slopes in trial[1:]):
             gain = (cost - trial_cost) / max(cost, 1e-300)
             shared, own, cost = trial_shared, own + own_step, trial_cost
             residual, by_shared, by_own = trial
@@ -111,7 +113,7 @@ def _reduced(residual, by_shared, by_own, damping):
     own_matrix = np.einsum("lni,lnj->lij", by_own, by_own)
     diagonal = np.einsum("lii->li", own_matrix)
     # A lane that carries no weight has no state to find.
-    raised = damping * diagonal + (diagonal == 0)
+    raised = (damping + RIDGE) * diagonal + (diagonal == 0)
     own_inverse = np.linalg.inv(own_matrix + np.einsum("li,ij->lij", raised, np.eye(by_own.shape[2])))
     cross = np.einsum("lnp,lnj->lpj", by_shared, by_own)
     own_vector = np.einsum("lnj,ln->lj", by_own, residual)
@@ -135,7 +137,7 @@ def _covariance(residual, by_shared, by_own, prior: Prior):
         return bread, 1.0
     meat = scores.T @ scores * lanes / (lanes - 1) * size / spare / level**2
     robust = bread @ (meat + np.diag(prior.information)) @ bread
-    larger = np.sqrt(np.maximum(np.diag(robust) / np.diag(bread), 1.0))
+    larger = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(bread), 1e-300), 1.0))
     return bread * np.outer(larger, larger), float(np.mean(larger**2))
 
 

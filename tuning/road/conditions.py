@@ -102,12 +102,13 @@ def begin(log: BrakeLog, car: Car) -> Start:
             log = _with_speed(log, motion.speed, at)
             notes.append("the vehicle's speed between its measurements comes from the acceleration")
         elif late:
-            values["speed_delay"] = motion.delay
             shift = round(motion.delay / log.period)
-            speed = np.interp(log.time + motion.delay, log.time, log.vehicle_speed)
+            values["speed_delay"] = shift * log.period
             at = np.roll(measured(log, "vehicle_speed"), -shift)
             at[len(at) - max(shift, 0) :] = False
-            log = _with_speed(log, speed, at)
+            at[: max(-shift, 0)] = False
+            moved = np.clip(np.arange(len(at)) + shift, 0, len(at) - 1)
+            log = _with_speed(log, log.vehicle_speed[moved], at)
     rolling = np.abs(deceleration_of(log)) < ROLLING
     rolling &= np.cumsum(~rolling) == 0
     if rolling.sum() >= FEWEST_ROLLING and not is_rig(log):

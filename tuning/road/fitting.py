@@ -12,10 +12,10 @@ from tuning.road.arrow_fit import Fit, Prior
 from tuning.road.changes import Stretch, find_stretches, refine_change
 from tuning.road.conditions import Start
 from tuning.road.curve import Curve
-from tuning.road.curve_fit import fit_curve
+from tuning.road.curve_fit import BLOCK, fit_curve
 from tuning.road.noise import noise_of
 from tuning.road.output_error import CAR, Shooting, fit_output_error, shooting
-from tuning.road.samples import FrictionSamples, friction_samples
+from tuning.road.samples import FrictionSamples, friction_samples, rate_of
 from tuning.road.selection import selected
 from tuning.road.vehicle_speed import measured
 from tuning.road.verdict import corrected
@@ -28,6 +28,10 @@ ROUNDS = 3
 """Searches for the changes, each with the quantities of the fit before."""
 MATERIAL = 0.03
 """Share of the larger friction by which two curves have to differ somewhere to be two surfaces."""
+ZERO_SHARE = 0.003
+"""Of the load, by which the balance of a wheel is off at the least."""
+LEAST_SHARE = 0.1
+"""Of what a quantity of the wheel is known as: it may not be less."""
 DRIVING = 0.02
 """Slip from which a wheel counts as driven."""
 FEWEST_DRIVING = 200
@@ -205,7 +209,8 @@ def _settled(problem: Shooting, guesses, start: Start, car: Car, values) -> tupl
 
 
 def _fit(problem: Shooting, surfaces: int, shared, own, start: Start, car: Car, free: frozenset[str]) -> Fit:
-    lower = np.concatenate([np.tile(problem.curve.lower + 1e-6, surfaces), [KINDS[name].low for name in CAR]])
+    least = [LEAST_SHARE * car.priors[name].value if KINDS[name].wheel else KINDS[name].low for name in CAR]
+    lower = np.concatenate([np.tile(problem.curve.lower + 1e-6, surfaces), least])
     return fit_output_error(problem, shared, own, lower=lower, prior=_prior(problem, surfaces, start, car, free))
 
 
@@ -284,20 +289,22 @@ def _told(curve: Curve, coefficients: np.ndarray) -> str:
 
 def fitted_by_curve(curve: Curve, start: Start, car: Car, say: Say) -> Fitted:
     """By `tuning.road.curve_fit`, driving and braking apart where the log has both."""
-    log, values = start.log, dict(start.values)
+    log, values = start.log, {name: prior.value for name, prior in car.priors.items()}
+    values["speed_delay"] = start.values["speed_delay"]
     signal = "force" if log.force is not None else "acceleration"
     samples = samples_as_fitted(start, car, values)[1]
-    told = measured(log, signal) & measured(log, "wheel_speed") & (log.wheel_speed > 0)
-    driven = told & (samples.slip > DRIVING)
-    if driven.sum() >= FEWEST_DRIVING:
-        sides = {"braking": told & (samples.slip < 0.5 * DRIVING), "driving": told & (samples.slip > -0.5 * DRIVING)}
+    told = np.flatnonzero(measured(log, signal) & measured(log, "wheel_speed") & (log.wheel_speed > 0))
+    some = FrictionSamples(*(part[told] for part in samples[:3]), samples.source)
+    sides = {"braking": some.slip < 0.5 * DRIVING, "driving": some.slip > -0.5 * DRIVING}
+    swept = (some.slip > DRIVING).sum() >= FEWEST_DRIVING
+    if swept:
         # A sweep comes and goes; its sides are not stretches of time.
-        sides = {side: inside for side, inside in sides.items() if (inside & (np.abs(samples.slip) > DRIVING)).any()}
-        stretches = [_whole(samples, inside) for inside in sides.values()]
+        sides = {side: on for side, on in sides.items() if (on & (np.abs(some.slip) > DRIVING)).sum() >= FEWEST_DRIVING}
+        stretches = [_whole(some, on) for on in sides.values()]
         masks, labels = list(sides.values()), list(sides)
     else:
-        stretches = find_stretches(samples)
-        masks, labels = _masks(samples, stretches, told), ["braking"] * len(stretches)
+        stretches = find_stretches(some)
+        masks, labels = _masks(some, stretches), ["braking"] * len(stretches)
     say(f"{len(stretches)} curve{'s' if len(stretches) > 1 else ''} found in friction from {samples.source}")
     load = (
         float(car.wheel.load) * np.ones(len(log.time)) if start.share is None else float(car.wheel.load) * start.share
@@ -309,9 +316,10 @@ def fitted_by_curve(curve: Curve, start: Start, car: Car, say: Say) -> Fitted:
     )
     slip_noise = slip_noise / log.vehicle_speed
     parts, found, rms = [], {}, []
-    friction = samples.friction + values.get(zero_name, 0.0) / scale
-    for stretch, inside, side in zip(stretches, masks, labels):
-        part, zeros = _curve(curve, log, friction, slip_noise, stretch, inside, side, car, values, (zero_name, scale))
+    friction, balance = samples.friction + values[zero_name] / scale, _force_zero(start, car)
+    for stretch, on, side in zip(stretches, masks, labels):
+        inside = told[on]
+        part, zeros = _curve(curve, log, friction, slip_noise, stretch, inside, side, car, (zero_name, scale, balance))
         parts.append(part)
         rms.append(part.residual_rms)
         found = zeros | found
@@ -319,9 +327,7 @@ def fitted_by_curve(curve: Curve, start: Start, car: Car, say: Say) -> Fitted:
         delay = car.priors["speed_delay"]
         found["speed_delay"] = Quantity(start.motion.delay, start.motion.delay_spread, delay.value, delay.spread, "s")
     say(f"curve fit: {_told(curve, np.array([part.coefficients for part in parts]))}")
-    changes = (
-        [] if driven.sum() >= FEWEST_DRIVING else _changes(curve, samples, stretches, [p.coefficients for p in parts])
-    )
+    changes = [] if swept else _changes(curve, some, stretches, [p.coefficients for p in parts])
     edges = [float(samples.time[0]), *(at for at, _ in changes), float(samples.time[-1])]
     if changes or len(parts) == 1:
         parts = [dataclasses.replace(part, start=edges[i], end=edges[i + 1]) for i, part in enumerate(parts)]
@@ -329,10 +335,12 @@ def fitted_by_curve(curve: Curve, start: Start, car: Car, say: Say) -> Fitted:
     return Fitted(parts, [blend for _, blend in changes], found, misfit, "curve fit", True, [])
 
 
-def _curve(curve: Curve, log, friction, slip_noise, stretch, inside, side, car: Car, values, zero_of):
+def _curve(curve: Curve, log, friction, slip_noise, stretch, inside, side, car: Car, zero_of):
     """The curve through some of the points, and the radius and the zero that they say are not as known."""
-    name, scale = zero_of
+    name, scale, balance = zero_of
     priors, size = car.priors, len(curve.names)
+    if name == "force_zero" and balance is not None and not priors[name].stated:
+        priors[name] = dataclasses.replace(priors[name], spread=balance[1])
     ratio = log.wheel_speed[inside] / log.vehicle_speed[inside]
     guess = curve.near(np.maximum(stretch.coefficients, 1e-3))
 
@@ -341,8 +349,12 @@ def _curve(curve: Curve, log, friction, slip_noise, stretch, inside, side, car: 
         for quantity, unit in (("radius", 1.0), (name, -scale)):
             prior = priors[quantity]
             spread = prior.spread / abs(unit) if quantity in free else 0.0
-            known.append(Prior(np.array([prior.value / unit]), np.array([spread])))
-        return fit_curve(curve, ratio, friction[inside], slip_noise[inside], guess, radius=known[0], zero=known[1])
+            mean = balance[0] if quantity in free and quantity == "force_zero" and balance is not None else prior.value
+            known.append(Prior(np.array([mean / unit]), np.array([spread])))
+        fit = fit_curve(curve, ratio, friction[inside], slip_noise[inside], guess, radius=known[0], zero=known[1])
+        if balance is None or name in free:
+            return fit
+        return fit._replace(cost=fit.cost + ((priors[name].value - balance[0]) / balance[1]) ** 2)
 
     stated = [quantity for quantity in ("radius", name) if priors[quantity].stated and priors[quantity].spread > 0]
     others = [quantity for quantity in ("radius", name) if not priors[quantity].stated]
@@ -355,23 +367,40 @@ def _curve(curve: Curve, log, friction, slip_noise, stretch, inside, side, car: 
             value = float(best.shared[size + i]) * unit
             found[quantity] = Quantity(value, spread, prior.value, prior.spread, KINDS[quantity].unit)
     part = FittedStretch(
-        start=float(log.time[stretch.first]),
-        end=float(log.time[min(stretch.last, len(log.time) - 1)]),
+        start=float(log.time[inside[0]]),
+        end=float(log.time[inside[-1]]),
         coefficients=best.shared[:size],
         covariance=best.covariance[:size, :size],
         largest_slip=_largest(best.shared[size] * ratio - 1),
         residual_rms=float(np.sqrt(np.mean(best.residual**2))),
-        samples=int(inside.sum()),
+        samples=len(inside),
         side=side,
     )
     return part, found
 
 
-def _masks(samples: FrictionSamples, stretches: list[Stretch], told: np.ndarray) -> list[np.ndarray]:
+def _force_zero(start: Start, car: Car) -> tuple[float, float] | None:
+    """Zero of the force [N] and how well it is known by the balance of the wheel: the mean of what is over.
+
+    F = -(J w' + gamma_b Pb) / R + zero, over blocks whose means differ by what the model lacks.
+    """
+    log, wheel = start.log, car.wheel
+    if log.force is None or log.brake_pressure is None:
+        return None
+    torque = float(wheel.inertia) * rate_of(log, log.wheel_speed) + float(wheel.brake_efficiency) * log.brake_pressure
+    asked = -torque / float(wheel.radius)
+    columns = np.stack([asked, np.ones_like(asked)], axis=1)
+    slope, zero = np.linalg.lstsq(columns, log.force, rcond=None)[0]
+    over = (log.force - slope * asked - zero)[: len(asked) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
+    spread = float(np.std(over) / np.sqrt(len(over)) * np.sqrt(1 + np.mean(asked) ** 2 / np.var(asked)))
+    return float(zero), max(spread, ZERO_SHARE * float(wheel.load))
+
+
+def _masks(samples: FrictionSamples, stretches: list[Stretch]) -> list[np.ndarray]:
     masks = []
     for stretch in stretches:
-        inside = told.copy()
-        inside[: stretch.first], inside[stretch.last :] = False, False
+        inside = np.zeros(len(samples.time), bool)
+        inside[stretch.first : stretch.last] = True
         for other in stretches[1:]:
             inside &= np.abs(samples.time - samples.time[other.first]) > GUARD
         masks.append(inside)

@@ -27,6 +27,7 @@ from tuning.logs.brake_log import BrakeLog
 from tuning.road.arrow_fit import Fit, Prior, arrow_fit
 from tuning.road.curve import Curve
 from tuning.road.noise import noise_of
+from tuning.road.samples import rate_of
 from tuning.road.vehicle_speed import measured
 
 INTERVAL, FEWEST = 0.05, 12
@@ -39,6 +40,10 @@ LOCKED = 0.05
 """R w / v below which an interval is left out: what a wheel does that stands is not in the equations."""
 FEWEST_MEASURED = 4
 """Measurements of the wheel speed that an interval needs."""
+LONGEST_SILENCE = 0.4
+"""Share of an interval that may pass without a measurement of the wheel speed, as while its sensor is clipped."""
+SMOOTHING = 0.06
+"""Window over which the vehicle's deceleration is taken, to move its speed by a delay [s]."""
 CAR = (
     "radius",
     "inertia",
@@ -149,7 +154,7 @@ class Shooting(NamedTuple):
         log, size, period = self.log, len(self.curve.names), self.log.period
         substeps = max(1, math.ceil(period / LONGEST_STEP - 1e-9))
         assert log.brake_pressure is not None
-        pressure, slope_of_speed = log.brake_pressure, np.gradient(log.vehicle_speed, period)
+        pressure, rate = log.brake_pressure, rate_of(log, log.vehicle_speed, smoothing=SMOOTHING)
         told = [getattr(log, name) for name in OUTPUTS]
         zeros = np.zeros(len(log.time))
         lanes, states = len(self.index), 1 if self.imposed else 2
@@ -161,9 +166,8 @@ class Shooting(NamedTuple):
             lag, delay = car["pressure_lag"], car["speed_delay"]
             acting, small = lagged(pressure, period, lag), 1e-5
             by_lag = (lagged(pressure, period, lag + small) - acting) / small
-            late = log.time + delay
-            speed = np.interp(late, log.time, log.vehicle_speed) if delay else log.vehicle_speed
-            rate = np.interp(late, log.time, slope_of_speed) if delay else slope_of_speed
+            # Interpolated between samples, noise would average out, and that would look like a better delay.
+            speed = log.vehicle_speed + delay * rate
             of_lanes = [car[name] for name in CAR[:5]] + [0.0, car["slope"]]
             points = np.concatenate([coefficients, np.tile(of_lanes, (lanes, 1))], axis=1)
             given = (x[self.index] for x in (acting, by_lag, self.share, speed))
@@ -235,7 +239,10 @@ def shooting(
             continue
         for first in range(at[0], at[-1] - length + 1, length):
             lane = np.arange(first, first + length + 1)
-            if inside[lane].all() and slipping[lane].all() and turning[lane].sum() >= FEWEST_MEASURED:
+            told = np.flatnonzero(turning[lane])
+            if len(told) < FEWEST_MEASURED or np.diff(np.r_[-1, told, length + 1]).max() > LONGEST_SILENCE * length:
+                continue
+            if inside[lane].all() and slipping[lane].all():
                 index.append(lane)
                 surface.append(number)
     lanes = max(BUCKET, -(-len(index) // BUCKET) * BUCKET)

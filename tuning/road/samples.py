@@ -7,7 +7,10 @@ from scipy.signal import savgol_filter
 
 from absjax.plant.wheel import GRAVITY, Wheel
 from tuning.logs.brake_log import BrakeLog
+from tuning.road.vehicle_speed import longest_gap
 
+LONGEST_GAP = 0.08
+"""Time without a measurement [s], as while a sensor is clipped, from which an acceleration is not made friction of."""
 SMOOTHING = 0.021
 """Window of the smoothing differentiator [s]."""
 
@@ -48,7 +51,7 @@ def friction_samples(log: BrakeLog, wheel: Wheel, share: np.ndarray | None = Non
             float(wheel.inertia) * rate_of(log, log.wheel_speed) + float(wheel.brake_efficiency) * log.brake_pressure
         )
         return FrictionSamples(log.time, slip, -torque / (float(wheel.radius) * load), "wheel")
-    if log.acceleration is not None:
+    if log.acceleration is not None and longest_gap(log, "acceleration") < LONGEST_GAP:
         return FrictionSamples(log.time, slip, log.acceleration / GRAVITY, "acceleration")
     return FrictionSamples(log.time, slip, rate_of(log, log.vehicle_speed) / GRAVITY, "speed")
 

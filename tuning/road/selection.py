@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable
 
 from tuning.road.arrow_fit import Fit
 
+LEAST = 0.2
+"""Share of what all of them would bring that one has to bring."""
 WORTH = 12.0
 """Fall of the sum of squares that a freed quantity has to bring; times the fit's inflation."""
 
@@ -29,8 +31,8 @@ def selected(
     while left and best.cost - whole.cost > WORTH * whole.inflation:
         trials = {name: fit(free | {name}) for name in left}
         name = min(trials, key=lambda n: trials[n].cost)
-        if best.cost - trials[name].cost <= WORTH * whole.inflation:
-            return free | frozenset(left), whole
+        if best.cost - trials[name].cost <= LEAST * (best.cost - whole.cost):
+            break
         free, best = free | {name}, trials[name]
         left.remove(name)
     return free, best

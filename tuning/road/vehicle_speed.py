@@ -76,3 +76,9 @@ def interval_of(log: BrakeLog, signal: str) -> float:
     """Usual time between measurements of a signal [s]."""
     at = np.flatnonzero(measured(log, signal))
     return log.period * float(np.median(np.diff(at))) if len(at) > 1 else np.inf
+
+
+def longest_gap(log: BrakeLog, signal: str) -> float:
+    """Longest time between measurements of a signal [s]."""
+    at = np.flatnonzero(measured(log, signal))
+    return log.period * float(np.max(np.diff(at))) if len(at) > 1 else np.inf
