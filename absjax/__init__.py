@@ -3,6 +3,7 @@
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.driver_braking import DriverBraking
 from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.production import ProductionLogic
 from absjax.controllers.slip import SlipControl
 from absjax.controllers.stiffness import StiffnessControl
 from absjax.controllers.tracking import AccelerationTracking
@@ -68,6 +69,7 @@ __all__ = [
     "Observation",
     "ObserverStatus",
     "Outcome",
+    "ProductionLogic",
     "QuarterCar",
     "Rollout",
     "RolloutError",
