@@ -22,7 +22,7 @@ from tuning.core.report import Report
 from tuning.logs.brake_log import BrakeLog, parse_columns, read_log
 from tuning.logs.car import car_of, read_car
 from tuning.logs.tables import LogError
-from tuning.observers import figures
+from tuning.observers import figures, singular
 from tuning.observers.bench import Bench, log_bench
 from tuning.observers.config import ObserverConfig
 from tuning.observers.metrics import rms
@@ -150,6 +150,7 @@ def study(out: Path) -> Iterator[Report]:
     sets = gain_sets()
     runs = {excitation: table_runs(excitation) for excitation in EXCITATIONS}
     yield _certificates(sets, runs["five_phase"])
+    yield _singular(runs, out)
     yield _settling(sets, runs, out)
     yield _figures_of_runs(sets, runs["five_phase"], out)
     yield _robustness(sets, runs["five_phase"], out)
@@ -168,6 +169,24 @@ def _certificates(sets: list[GainSet], runs: Scenarios) -> Report:
             decay = decay_along(observer, samples, runs.period)
             lines.append(f"  along a five-phase run every error decays at {decay:.3g} 1/s at least")
     return Report({}, lines, [])
+
+
+def _singular(runs: dict[str, Scenarios], out: Path) -> Report:
+    """What the zeros of y cost, what runs offer, and the published observer in the loop."""
+    found = singular.ride()
+    tables = {
+        "what a run offers an observer": singular.excited_rows(runs, found),
+        f"five phases tracking on observed XBS, {singular.SPEED:g} m/s, triple pole {singular.POLE:g} as published": (
+            singular.rows(found)
+        ),
+    }
+    files = [
+        write_json(out / "singular.json", tables),
+        save(singular.singularity_figure(), out / "singularity.png"),
+        save(singular.ride_figure(found), out / "singular_loop.png"),
+        save(singular.error_plane_figure(found), out / "singular_error.png"),
+    ]
+    return Report(tables, [], files)
 
 
 def _settling(sets, runs, out: Path) -> Report:
