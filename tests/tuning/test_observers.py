@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from absjax.observers import OBSERVERS
 from absjax.observers.certificate import certify
+from absjax.observers.run import observe
 from absjax.observers.switched import constant_stiffness
 from absjax.parameters import defaults_of, span_of
 from absjax.plant.wheel import Wheel
@@ -22,7 +23,7 @@ from tuning.core.journal import Journal
 from tuning.core.objective import Objective
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.tables import LogError
-from tuning.observers import singular
+from tuning.observers import curves, singular
 from tuning.observers.bench import bench_of, training_runs
 from tuning.observers.config import ObserverConfig
 from tuning.observers.metrics import crossings, rms, settling, within
@@ -33,7 +34,9 @@ from tuning.observers.study import (
     estimates,
     gain_sets,
     held_out_runs,
+    rig_adaptive_rows,
     rig_sets,
+    rig_states,
     rig_study,
     speed_rows,
     table_runs,
@@ -223,6 +226,12 @@ def test_adaptive_beats_four_states_on_the_rig_log():
     four = [error[f"4-state, bounds of {name}"] for name in ("the rig's road", "dry and wet", "all roads")]
     assert error["adaptive, default"] < 0.6 * four[0] and four[0] < four[1] < four[2]
     assert error["adaptive, default"] < 0.35
+    states = rig_states(study, wheel, tyre)
+    np.testing.assert_allclose(states["w2"] - 26.9 / 213.75 * states["w1"], study.truth, atol=1e-12)
+    observed = observe(default[0].observer(wheel), study.signals.samples, log.period, substeps=default[0].substeps)
+    (row,) = rig_adaptive_rows(study, states, {"default": observed})
+    assert row["w1, rms"] < 0.1 * np.std(states["w1"]) and row["d, rms"] < 0.3 * row["d, true"] == 0.3 * 23.2
+    assert row["c, rms"] > 0.5 * row["c, true"]
 
 
 def test_shipped_gains_are_certified_and_settle_on_roads_not_tuned_on():
@@ -282,6 +291,14 @@ def test_two_states_without_control_look_alike():
         expected = solve_ivp(slope, (0, time[-1]), [0.0], t_eval=time, args=(xbs,), rtol=1e-10, atol=1e-10).y[0]
         np.testing.assert_allclose(values, expected, atol=1e-6)
     assert np.all(singular.indistinguishable(0.0)[1] == 0.0)
+
+
+def test_the_basis_is_as_printed_between_its_rates_and_not_outside_them():
+    """Hoang et al. 2014, Table I."""
+    rows = {row["road"]: row for row in curves.rows()}
+    for name in curves.PUBLISHED:
+        assert float(rows[name]["off the printed"]) < 6e-4 and rows[name]["largest difference of mu"] < 0.025
+    assert rows["dry_cobblestones, [A] Table 2.1"]["largest difference of mu"] > 0.1
 
 
 def test_wrong_vehicle_speed_moves_the_estimate_but_not_its_zero_crossings():

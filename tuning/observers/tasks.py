@@ -22,7 +22,7 @@ from tuning.core.report import Report
 from tuning.logs.brake_log import BrakeLog, parse_columns, read_log
 from tuning.logs.car import car_of, read_car
 from tuning.logs.tables import LogError
-from tuning.observers import figures, singular
+from tuning.observers import curves, figures, singular
 from tuning.observers.bench import Bench, log_bench
 from tuning.observers.config import ObserverConfig
 from tuning.observers.metrics import rms
@@ -39,7 +39,9 @@ from tuning.observers.study import (
     held_out_runs,
     noise_rows,
     perturbation,
+    rig_adaptive_rows,
     rig_sets,
+    rig_states,
     rig_study,
     settling_rows,
     speed_rows,
@@ -149,6 +151,7 @@ def study(out: Path) -> Iterator[Report]:
     """Every table and figure of default against tuned gains."""
     sets = gain_sets()
     runs = {excitation: table_runs(excitation) for excitation in EXCITATIONS}
+    yield _curves(out)
     yield _certificates(sets, runs["five_phase"])
     yield _singular(runs, out)
     yield _settling(sets, runs, out)
@@ -169,6 +172,12 @@ def _certificates(sets: list[GainSet], runs: Scenarios) -> Report:
             decay = decay_along(observer, samples, runs.period)
             lines.append(f"  along a five-phase run every error decays at {decay:.3g} 1/s at least")
     return Report({}, lines, [])
+
+
+def _curves(out: Path) -> Report:
+    """The exponential basis of the 4-state observer against Burckhardt's curves."""
+    title = "exponential basis: coefficients, and how far it is off"
+    return Report({title: curves.rows()}, [], [save(curves.figure(), out / "basis.png")])
 
 
 def _singular(runs: dict[str, Scenarios], out: Path) -> Report:
@@ -270,12 +279,24 @@ def _rig(sets, out: Path) -> Report:
     found = rig_study(log, wheel, tyre, rig_sets(tyre, sets))
     known = next(gains for gains in rig_sets(tyre, []) if gains.kind == "known_road")
     run = observe(known.observer(wheel), found.signals.samples, log.period, substeps=known.substeps)
+    adaptive = [gains for gains in sets if gains.kind == "adaptive"]
+    observed = {
+        gains.label: observe(gains.observer(wheel), found.signals.samples, log.period, substeps=gains.substeps)
+        for gains in adaptive
+    }
+    states = rig_states(found, wheel, tyre)
     files = [
+        save(figures.rig_slip_figure(found, float(tyre.peak().slip)), out / "rig_slip.png"),
+        save(figures.rig_adaptive_figure(found, states, observed), out / "rig_adaptive.png"),
         save(figures.rig_figure(found), out / "rig_xbs.png"),
         save(figures.rig_states_figure(found, known.label, np.asarray(run.state[0])), out / "rig_3_state.png"),
     ]
     title = f"XBS on {log.name} against the slope of the curve fitted to force"
-    return Report({title: found.rows}, [], [write_json(out / "rig.json", {"rows": found.rows}), *files])
+    tables = {
+        title: found.rows,
+        "adaptive observer on that log, second half": rig_adaptive_rows(found, states, observed),
+    }
+    return Report(tables, [], [write_json(out / "rig.json", {"rows": found.rows}), *files])
 
 
 def _tracking(sets, out: Path) -> Report:
