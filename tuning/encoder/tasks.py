@@ -16,7 +16,7 @@ from tuning.core.figures import save
 from tuning.core.files import read_json, write_json
 from tuning.core.journal import Journal
 from tuning.core.report import Report
-from tuning.encoder import figures
+from tuning.encoder import figures, notching
 from tuning.encoder.analysis import LogStudy, order_spectrum, study_log, tooth_errors
 from tuning.encoder.bench import PERIOD, bench_of
 from tuning.encoder.chains import SIGNALS, all_harmonics, edge_chain, filtered_chain, measured_chain, notch_chain
@@ -177,7 +177,26 @@ def study(out: Path, encoders: int = 20, hours: float = 1.0) -> Iterator[Report]
         save(figures.loop_figure(courses, shown), out / "stops.png"),
     )
     yield report("XBS in the loop, 4-state observer", stiffness_rows(observed_courses(told)))
+    for title, rows, files in _notch_filter(out, encoders):
+        yield report(title, rows, *files)
     yield Report({}, [], [write_json(out / "tables.json", tables)])
+
+
+def _notch_filter(out: Path, encoders: int) -> Iterator[tuple[str, list[dict[str, Any]], list[Path]]]:
+    """Where the notch filter helps, as published, and why five phases stick behind it in stops to 20 km/h."""
+    slip, cycles = notching.slip_runs(), notching.cycle_runs()
+    yield (
+        "wheel-slip control, 150 to 80 km/h, x2 with an oscillation",
+        notching.slip_rows(slip),
+        [save(notching.bode_figure(), out / "notch.png"), save(notching.slip_figure(slip), out / "notch_slip.png")],
+    )
+    file = save(notching.cycles_figure(cycles), out / "notch_cycles.png")
+    yield "five phases at 130 km/h, x2 with an oscillation", notching.cycle_rows(cycles), [file]
+    frequencies = notching.frequency_rows()
+    courses = notching.sticking_courses(loop_encoders(encoders), LOOP_EVENTS)
+    yield "five phases at constant speed, nothing to filter", frequencies, []
+    file = save(notching.sticking_figure(frequencies, courses), out / "notch_sticks.png")
+    yield "five phases behind notch filters, 130 to 20 km/h", notching.sticking_rows(courses), [file]
 
 
 def loop_encoders(count: int) -> Encoder:
