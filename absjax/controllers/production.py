@@ -58,15 +58,15 @@ class ProductionLogic(Controller):
     ordered: ClassVar[tuple[tuple[str, str, float], ...]] = (("a1", "a2", 2.0), ("a3", "a4", 2.0))
     """(lower, higher, by how much at least)"""
 
-    a1: Any = parameter("a1 of -a1, deceleration that holds the pressure, m/s^2", default=20.0, **TUNED)
-    a2: Any = parameter("a2 of -a2, deceleration that releases it, m/s^2", default=40.0, **TUNED)
+    a1: Any = parameter("a1 of -a1, deceleration that holds the pressure, m/s^2", default=35.0, **TUNED)
+    a2: Any = parameter("a2 of -a2, deceleration that releases it, m/s^2", default=45.0, **TUNED)
     a3: Any = parameter("a3, acceleration below which the driver is let through again, m/s^2", default=10.0, **TUNED)
-    a4: Any = parameter("a4, acceleration that asks for more pressure, m/s^2", default=40.0, **TUNED)
-    release: Any = parameter("u_release, bar m/s^2", default=8000.0, **TUNED)
+    a4: Any = parameter("a4, acceleration that asks for more pressure, m/s^2", default=30.0, **TUNED)
+    release: Any = parameter("u_release, bar m/s^2", default=10000.0, **TUNED)
     apply: Any = parameter("u_apply, bar m/s^2", default=5000.0, **TUNED)
     through: Any = parameter("u_through, of the driver's pressure coming back, bar m/s^2", default=2000.0, **TUNED)
-    longest_hold: Any = parameter("longest hold after the release, s", default=0.15, **TUNED)
-    share: Any = parameter("of a threshold at which it is left again", default=0.9, low=0.0, high=0.999, open_low=True)
+    longest_hold: Any = parameter("longest hold after the release, s", default=0.1, **TUNED)
+    share: Any = parameter("of a threshold at which it is left again", default=0.5, low=0.0, high=0.999, open_low=True)
 
     def initial_state(self, signals: Signals) -> Entered:
         """Entered here and now."""

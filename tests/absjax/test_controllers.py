@@ -395,7 +395,7 @@ def test_a_wheel_that_drops_again_is_released_again():
 
 
 def test_thresholds_out_of_order_are_refused():
-    with pytest.raises(ValueError, match=r"ProductionLogic\.a2 = 40\.0 must be at least a1 \+ 2 = 41\.0"):
-        ProductionLogic(a1=39.0)
+    with pytest.raises(ValueError, match=r"ProductionLogic\.a2 = 45\.0 must be at least a1 \+ 2 = 46\.0"):
+        ProductionLogic(a1=44.0)
     with pytest.raises(ValueError, match=r"BoschLogic\.plus_A = 40\.0 must be at least plus_a \+ 2 = 52\.0"):
         BoschLogic(plus_a=50.0)
