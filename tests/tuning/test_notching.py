@@ -5,7 +5,7 @@ import pytest
 from scipy.integrate import cumulative_simpson
 from scipy.signal import TransferFunction
 
-from tuning.encoder import notching
+from tuning.encoder import notching, sticking
 
 
 def test_the_bode_plot_is_that_of_the_filter():
@@ -46,7 +46,7 @@ def test_the_filter_takes_the_oscillation_off_at_any_speed_of_the_wheel(runs):
 
 def test_five_phases_stick_where_the_cycle_is_as_quick_as_the_wheel():
     """With nothing to filter: far above that speed they cycle behind either filter, near it behind none."""
-    rows = {row["km/h"]: row for row in notching.frequency_rows()}
+    rows = {row["km/h"]: row for row in sticking.frequency_rows()}
     truth = {kmh: row["cycles [1/s], told the truth"] for kmh, row in rows.items()}
     assert truth[30.0] > rows[30.0]["wheel [1/s]"] and truth[55.0] < rows[55.0]["wheel [1/s]"]
     for width in (0.1, 0.5):

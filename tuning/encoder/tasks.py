@@ -16,7 +16,7 @@ from tuning.core.figures import save
 from tuning.core.files import read_json, write_json
 from tuning.core.journal import Journal
 from tuning.core.report import Report
-from tuning.encoder import figures, imperfections, notching
+from tuning.encoder import figures, imperfections, notching, sticking
 from tuning.encoder.analysis import LogStudy, order_spectrum, study_log, tooth_errors
 from tuning.encoder.bench import PERIOD, bench_of
 from tuning.encoder.chains import SIGNALS, all_harmonics, edge_chain, filtered_chain, measured_chain, notch_chain
@@ -206,11 +206,11 @@ def _notch_filter(out: Path, encoders: int) -> Iterator[tuple[str, list[dict[str
     )
     file = save(notching.cycles_figure(cycles), out / "notch_cycles.png")
     yield "five phases at 130 km/h, x2 with an oscillation", notching.cycle_rows(cycles), [file]
-    frequencies = notching.frequency_rows()
-    courses = notching.sticking_courses(loop_encoders(encoders), LOOP_EVENTS)
+    frequencies = sticking.frequency_rows()
+    courses = sticking.sticking_courses(loop_encoders(encoders), LOOP_EVENTS)
     yield "five phases at constant speed, nothing to filter", frequencies, []
-    file = save(notching.sticking_figure(frequencies, courses), out / "notch_sticks.png")
-    yield "five phases behind notch filters, 130 to 20 km/h", notching.sticking_rows(courses), [file]
+    file = save(sticking.sticking_figure(frequencies, courses), out / "notch_sticks.png")
+    yield "five phases behind notch filters, 130 to 20 km/h", sticking.sticking_rows(courses), [file]
 
 
 def loop_encoders(count: int) -> Encoder:
