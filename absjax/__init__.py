@@ -23,6 +23,7 @@ from absjax.loop.ideal import ideal_distance
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, Stop, stop
 from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.along_a_run import certify_run
 from absjax.observers.base import Sample
 from absjax.observers.certificate import Certificate, certify
 from absjax.observers.clamped import Clamped
@@ -91,6 +92,7 @@ __all__ = [
     "WheelSpeed",
     "WheelSpeedChain",
     "certify",
+    "certify_run",
     "constant_stiffness",
     "edges_of",
     "fit_exponential_basis",
