@@ -117,7 +117,7 @@ def admissible(samples: Sample, stiffness, period: float, wheel: Wheel, band: fl
     visit = np.cumsum(np.diff(inside.astype(int), prepend=0) == 1)[inside]
     signs = np.sign(rate[inside])
     turned = [k for k in np.unique(visit) if np.ptp(signs[visit == k]) > 0]
-    share = np.abs(rate[inside]) * speed[1:][inside] / steep
+    share = np.abs(rate[inside]) * speed[1:][inside] / max(steep, np.finfo(float).tiny)
     beta = float(np.abs(rate).max())
     bound = 2 * band / (wheel.pressure_gain * (beta + steep / speed.min()))
     return Checked(

@@ -110,10 +110,8 @@ def singular_linearisability(f: Callable, h: Callable, x0: Any, reach: float = 1
     left = np.abs(np.asarray(jax.vmap(lambda x: f(zero_near(x)))(around))).max(axis=0)
     share = np.where(size > 0, left / np.where(size > 0, size, 1.0), 0.0)
     conditions = [
-        *(
-            Condition(f"Lemma 4.1: |f_{i + 1}| on the zeros of h, relative", float(s), -1.0, RELATIVE)
-            for i, s in enumerate(share)
-        ),
+        Condition(f"Lemma 4.1: |f_{i + 1}| on the zeros of h, relative", float(each), -1.0, RELATIVE)
+        for i, each in enumerate(share)
     ]
     divided = quotient(f, h)
     rows = jnp.stack([jax.jacfwd(lie)(x0) for lie in lie_derivatives(divided, h, n - 1)])
