@@ -8,6 +8,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from absjax.observers.along_a_run import certify_run
 from absjax.observers.certificate import certify
 from absjax.observers.excitation import decay_along
 from absjax.observers.run import observe
@@ -56,6 +57,8 @@ LOG_SHARE = 0.6
 """Share of a log that is tuned on; the rest is held out."""
 SETTLE = 0.5
 """Beginning of a log on which errors do not count, s."""
+LONGEST_WINDOW = 1.0
+"""Over which the excitation of a log is looked at, s."""
 TRADE_OFF_WEIGHTS = (0.02, 0.1, 0.3, 1.0, 3.0)
 
 
@@ -144,7 +147,11 @@ def tune_on_log(task: LogTask, out: Path, progress: Progress, journal: Journal) 
         rows.append({"gains": gains.label, **{k: round(float(rms(error, part)), 4) for k, part in parts.items()}})
     title = f"rms of XBS against force, before and after {cut:g} s of {log.name}"
     file = save(figures.log_figure(signals, truth, found, cut), out / "log.png")
-    return _outcome(result, out, {title: rows}, [file])
+    report = _outcome(result, out, {title: rows}, [file])
+    window = min(LONGEST_WINDOW, 0.5 * (log.time[-1] - log.time[0]))
+    return report._replace(
+        lines=[*report.lines, f"{log.name}: {certify_run(signals.samples, log.period, wheel, window)}"]
+    )
 
 
 def study(out: Path) -> Iterator[Report]:
