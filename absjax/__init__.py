@@ -3,6 +3,7 @@
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.driver_braking import DriverBraking
 from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.production import ProductionLogic
 from absjax.controllers.slip import SlipControl
 from absjax.controllers.stiffness import StiffnessControl
 from absjax.controllers.tracking import AccelerationTracking
@@ -23,6 +24,7 @@ from absjax.loop.ideal import ideal_distance
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, Stop, stop
 from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.along_a_run import certify_run
 from absjax.observers.base import Sample
 from absjax.observers.certificate import Certificate, certify
 from absjax.observers.clamped import Clamped
@@ -69,6 +71,7 @@ __all__ = [
     "Observation",
     "ObserverStatus",
     "Outcome",
+    "ProductionLogic",
     "QuarterCar",
     "Rollout",
     "RolloutError",
@@ -90,6 +93,7 @@ __all__ = [
     "WheelSpeed",
     "WheelSpeedChain",
     "certify",
+    "certify_run",
     "constant_stiffness",
     "edges_of",
     "fit_exponential_basis",

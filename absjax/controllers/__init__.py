@@ -3,6 +3,7 @@
 from absjax.controllers.base import Controller
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.production import ProductionLogic
 from absjax.controllers.slip import SlipControl
 from absjax.controllers.stiffness import StiffnessControl
 from absjax.controllers.tracking import AccelerationTracking
@@ -15,5 +16,6 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "stiffness": StiffnessControl,
     "slip": SlipControl,
     "bosch": BoschLogic,
+    "production": ProductionLogic,
 }
 """By name."""

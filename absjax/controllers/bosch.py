@@ -85,7 +85,8 @@ class BoschLogic(Controller):
         """The reference is the rim."""
         return Reference(signals.time, signals.radius * signals.wheel_speed)
 
-    def _reference(self, signals: Signals, state: Reference):
+    def reference_speed(self, signals: Signals, state: Reference):
+        """vRef [m/s]."""
         return state.speed - self.gradient * (signals.time - state.time)
 
     def rate(self, signals: Signals, state: Reference, phase):
@@ -97,7 +98,7 @@ class BoschLogic(Controller):
         """One slot for each way on, in the order of the table."""
         acc = signals.acceleration_offset + signals.vehicle_acceleration
         spent = signals.time - state.time
-        slower = (1 - self.lambda1) * self._reference(signals, state) - signals.radius * signals.wheel_speed
+        slower = (1 - self.lambda1) * self.reference_speed(signals, state) - signals.radius * signals.wheel_speed
         falls, recovers = -self.minus_a - acc, acc + self.share * self.minus_a
         rises, sinks = acc - self.plus_A, self.plus_a + self.share * (self.plus_A - self.plus_a) - acc
         first = (
@@ -119,4 +120,4 @@ class BoschLogic(Controller):
         first, second = pick(phase, (1, 2, 3, 5, 5, 6, 2, 2)), pick(phase, (0, 0, 2, 2, 4, 4, 7, 6))
         following = jnp.where(slot == 0, first, jnp.where(slot == 1, second, 6))
         rim = signals.radius * signals.wheel_speed
-        return Reference(signals.time, jnp.maximum(rim, self._reference(signals, state))), following
+        return Reference(signals.time, jnp.maximum(rim, self.reference_speed(signals, state))), following

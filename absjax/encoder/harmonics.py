@@ -147,19 +147,34 @@ class HarmonicCompensation:
         if self.gate is not None:
             weight = weight / (1 + ((transient[0] - transient[1]) / self.gate) ** GATE_ORDER)
         held = period * weight
-        gx = jnp.sum(state.covariance * x, axis=-1)
         m2 = 1 + self.kappa * jnp.sum(self._weights(value.dtype) * x * x)
-        step = held / (m2 + held * jnp.sum(x * gx))
-        scaled = state.scaled + step * gx * (signal[1] - jnp.sum(x * state.scaled))
-        # The outer product first: it is symmetric to the last bit, and what is not would grow with the forgetting.
-        taken = step * (gx[:, None] * gx[None, :])
-        covariance = jnp.exp(self.forgetting * held) * (state.covariance - taken)
-        # What is known never falls below what was at the start.
-        most, trace = jnp.sum(self._initial(value.dtype)), jnp.trace(covariance)
-        covariance = covariance * jnp.minimum(1.0, safe_divide(most, trace, trace > most, 1.0))
+        most = jnp.sum(self._initial(value.dtype))
+        scaled, covariance = least_squares_step(
+            state.scaled, state.covariance, x, signal[1], held, m2, self.forgetting, most
+        )
         known = Learned(scaled, covariance, signal, filtered, transient, jnp.ones_like(value))
         known = tree_where(measured.regular, known, dataclasses.replace(state, begun=jnp.zeros_like(value)))
         return known, value - jnp.sum(phi * known.scaled)
+
+
+def least_squares_step(known, covariance, x, target, held, m2, forgetting, most):
+    """One step of the recursive least squares: what is known after target = x' known, and its covariance.
+
+    Args:
+        known, x: (n,); covariance: (n, n).
+        held: time for which the sample is held, s; 0 for one that tells nothing.
+        m2: 1 + kappa x'x.
+        most: trace of the covariance that is never exceeded.
+    """
+    gx = jnp.sum(covariance * x, axis=-1)
+    step = held / (m2 + held * jnp.sum(x * gx))
+    known = known + step * gx * (target - jnp.sum(x * known))
+    # The outer product first: it is symmetric to the last bit, and what is not would grow with the forgetting.
+    taken = step * (gx[:, None] * gx[None, :])
+    covariance = jnp.exp(forgetting * held) * (covariance - taken)
+    # What is known never falls below what was at the start.
+    trace = jnp.trace(covariance)
+    return known, covariance * jnp.minimum(1.0, safe_divide(most, trace, trace > most, 1.0))
 
 
 def _high_pass(cutoff, last, now, begun, period):

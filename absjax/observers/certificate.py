@@ -55,6 +55,38 @@ class Condition(NamedTuple):
         return f"{self.name}: {self.value:.6g}, must be {wanted}: {verdict}"
 
 
+class Checked(NamedTuple):
+    """What was held to conditions, and the conditions."""
+
+    subject: str
+    conditions: tuple[Condition, ...]
+
+    @property
+    def holds(self) -> bool:
+        """Whether every condition holds."""
+        return not self.failed
+
+    @property
+    def failed(self) -> tuple[Condition, ...]:
+        """The conditions that do not."""
+        return tuple(condition for condition in self.conditions if not condition.holds)
+
+    def value(self, name: str) -> float:
+        """The value of the condition whose name begins so.
+
+        Raises:
+            KeyError: if there is none.
+        """
+        for condition in self.conditions:
+            if condition.name.startswith(name):
+                return condition.value
+        raise KeyError(name)
+
+    def __str__(self) -> str:
+        verdict = "holds" if self.holds else f"does NOT hold: {len(self.failed)} conditions fail"
+        return "\n  ".join([f"{self.subject}: {verdict}", *map(str, self.conditions)])
+
+
 class Certificate(NamedTuple):
     """What is known of a gain set's stability."""
 

@@ -13,6 +13,7 @@ import pytest
 
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.production import ProductionLogic
 from absjax.controllers.slip import SlipControl
 from absjax.controllers.stiffness import StiffnessControl
 from absjax.controllers.tracking import AccelerationTracking
@@ -154,6 +155,23 @@ def bosch_edges(mode, s, kept, p):
     ][mode]
 
 
+def production_rate(mode, s, kept, p):
+    return [0.0, 0.0, -p.release, 0.0, p.apply, 0.0, p.through][mode] / s.rim
+
+
+def production_edges(mode, s, kept, p):
+    acc = s.x2 + s.ax
+    return [
+        [(-p.a1 - acc, 1)],
+        [(-p.a2 - acc, 2), (acc + p.share * p.a1, 0)],
+        [(acc + p.share * p.a1, 3)],
+        [(acc - p.a3, 5), (-p.a1 - acc, 2), (s.t - kept[0] - p.longest_hold, 6)],
+        [(p.a3 + p.share * (p.a4 - p.a3) - acc, 5)],
+        [(p.share * p.a3 - acc, 6), (acc - p.a4, 4)],
+        [(-p.a1 - acc, 2)],
+    ][mode]
+
+
 def bosch_keep(s, kept, p):
     return (s.t, max(s.rim, kept[1] - p.gradient * (s.t - kept[0])))
 
@@ -175,6 +193,19 @@ BOSCH = BoschLogic(
 )
 """Goes through every switching but 3 -> 2 within a second, behind a brake lag."""
 BOSCH_VISITED = {(0, 1), (1, 0), (1, 2), (2, 3), (3, 5), (3, 6), (4, 5), (5, 4), (5, 6), (6, 2), (6, 7), (7, 2), (7, 6)}
+PRODUCTION = ProductionLogic(
+    a1=13.83,
+    a2=27.39,
+    a3=14.27,
+    a4=22.29,
+    release=10858.0,
+    apply=4253.0,
+    through=5754.0,
+    longest_hold=0.0269,
+    share=0.676,
+)
+"""Goes through every switching but 3 -> 2, behind a brake lag."""
+PRODUCTION_VISITED = {(0, 1), (1, 0), (1, 2), (2, 3), (3, 5), (3, 6), (4, 5), (5, 4), (5, 6), (6, 2)}
 CASES = {
     "five-phase": Case(FivePhase(), five_rate, five_edges, nothing, "eps1", {(2, 3), (3, 4), *AROUND}),
     "five-phase, ways back": Case(
@@ -202,6 +233,9 @@ CASES = {
     ),
     "continuous slip": Case(SlipControl(), slip_rate, driver_edge, nothing, "slip", {(0, 1)}),
     "eight-phase": Case(BOSCH, bosch_rate, bosch_edges, bosch_keep, "release", BOSCH_VISITED, 0.01122, 1.0, 9392.5),
+    "production logic": Case(
+        PRODUCTION, production_rate, production_edges, nothing, "a2", PRODUCTION_VISITED, 0.008, 0.8, 9e3
+    ),
 }
 
 
@@ -358,5 +392,7 @@ def test_a_wheel_that_drops_again_is_released_again():
 
 
 def test_thresholds_out_of_order_are_refused():
+    with pytest.raises(ValueError, match=r"ProductionLogic\.a2 = 45\.0 must be at least a1 \+ 2 = 46\.0"):
+        ProductionLogic(a1=44.0)
     with pytest.raises(ValueError, match=r"BoschLogic\.plus_A = 40\.0 must be at least plus_a \+ 2 = 52\.0"):
         BoschLogic(plus_a=50.0)

@@ -7,6 +7,7 @@ import pytest
 
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.production import ProductionLogic
 from absjax.controllers.slip import SlipControl
 from absjax.controllers.stiffness import StiffnessControl
 from absjax.controllers.tracking import AccelerationTracking
@@ -24,7 +25,15 @@ from absjax.tyres.surfaces import SURFACES
 from tests.attack.stops import random_controller
 
 SETS, END = 2000, 3.0
-CONTROLLERS = (FivePhase, AccelerationTracking, TwoPhase, StiffnessControl, SlipControl, BoschLogic)
+CONTROLLERS = (
+    FivePhase,
+    AccelerationTracking,
+    TwoPhase,
+    StiffnessControl,
+    SlipControl,
+    BoschLogic,
+    ProductionLogic,
+)
 
 
 def scattered_loop(controller, rng) -> ClosedLoop:

@@ -18,6 +18,8 @@ from tuning.controllers.settings import CHAIN, COARSE, LOCATED, SAMPLED
 from tuning.controllers.setup import Setup
 from tuning.controllers.stop_figures import StopFigures
 from tuning.controllers.study import changing as changing_study
+from tuning.controllers.study import curves as curve_study
+from tuning.controllers.study import logics as logic_study
 from tuning.controllers.study import phase_plane as phase_study
 from tuning.controllers.study import published_table as published_study
 from tuning.controllers.study import robustness
@@ -166,6 +168,30 @@ def test_scattered_stops_are_reproducible_and_summarised():
     other, _ = robustness.stops(config, controller, draws._replace(seed=draws.seed + 1))
     assert np.any(np.asarray(other.distance) != np.asarray(stopped.distance))
     assert np.all(np.asarray(other.outcome)[np.isfinite(excess)] == Outcome.STOPPED)
+
+
+def test_peaks_of_the_published_surfaces():
+    """lambda* = ln(c1 c2 / c3) / c2; the source says a locked wheel loses 20 to 30 %, its own table says more."""
+    rows = {row["road"]: row for row in curve_study.rows()}
+    dry = rows["dry_asphalt"]
+    assert dry["peak slip"] == pytest.approx(np.log(1.2801 * 23.99 / 0.52) / 23.99, abs=1e-4)
+    assert dry["XBS, rolling"] == pytest.approx(1.2801 * 23.99 - 0.52, abs=5e-3)
+    lost = [row["lost by a locked wheel [%]"] for name, row in rows.items() if name != "ice"]
+    assert 26 < min(lost) < 27 and 39 < max(lost) < 40 and rows["ice"]["peak slip"] == "none"
+
+
+def test_the_logics_of_cars_go_through_their_phases_as_told():
+    """Aguado-Rojas 2019, section 2.2.3, phases 1 to 8; Hoang 2014, section 1.3: no first hold in later cycles."""
+    eight, four = (logic_study.run(name) for name in logic_study.SETTINGS)
+    assert eight.sequence()[:12] == [0, 1, 2, 3, 5, 4, 5, 6, 7, 6, 7, 6]
+    for found, before in ((eight, (6, 7)), (four, (6,))):
+        sequence = found.sequence()
+        cycles = [i for i, phase in enumerate(sequence) if phase == 2]
+        assert sequence[cycles[0] - 1] == 1 and len(cycles) > 4
+        assert all(sequence[i - 1] in before for i in cycles[1:4]) and 1 not in sequence[cycles[0] : cycles[4]]
+    for extreme, threshold in ((-four.acceleration.min(), "a2"), (four.acceleration.max(), "a4")):
+        assert extreme == pytest.approx(logic_study.SETTINGS["production"][threshold], abs=0.5)
+    assert all(row["friction used [%]"] > 95 for row in logic_study.rows([eight, four]))
 
 
 def test_continuous_control_fails_on_the_estimate_and_two_phases_do_not():

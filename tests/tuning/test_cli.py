@@ -41,6 +41,7 @@ def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):
     done = run("tune-observer", "--config", tmp_path / "config.json", *log, "--out", tmp_path / "a")
     assert done.returncode == 0, done.stdout + done.stderr
     assert "certified; slowest rate" in done.stdout and "held out" in done.stdout
+    assert "rig_65kmh.csv: what the adaptive observer asks of a run: holds" in done.stdout
     assert {path.name for path in (tmp_path / "a").glob("*.png")} == {"history.png", "log.png"}
     result = json.loads((tmp_path / "a" / "result.json").read_text())
     following = ObserverConfig.from_json(configuration(tmp_path / "a" / "result.json"))

@@ -12,6 +12,7 @@ from absjax.loop.ideal import ideal_distance
 from tuning.core.config import ConfigError
 from tuning.core.files import read_json
 from tuning.core.journal import Journal
+from tuning.encoder import imperfections
 from tuning.encoder.analysis import order_spectrum, study_log, tooth_errors
 from tuning.encoder.bench import PERIOD, bench_of, joined, mean_errors
 from tuning.encoder.bench import reference as reference_of
@@ -59,6 +60,27 @@ def test_a_log_of_edges_tells_the_encoder_that_made_it():
         tooth_errors(log_with_a_gap())
     with pytest.raises(LogError, match="not a whole number of ticks"):
         study_log(log, filtered_chain(), period=1.0005e-3)
+
+
+def test_edges_of_a_fine_encoder_tell_what_it_was_made_with():
+    """Aguado-Rojas 2019, Fig. 5.3 (b): 1024 pulses, 100 revolutions."""
+    errors = tooth_errors(imperfections.steady_log(Encoder.random(3, **imperfections.ENCODERS["1024 pulses"])))
+    (row,) = imperfections.transition_rows({"1024 pulses": errors})
+    assert errors.mean.size == 1024 and errors.missing == 0
+    for name, found in (("e / r", "e / r"), ("teeth", "teeth within [cycles]"), ("jitter", "jitter [cycles]")):
+        assert row[found] == pytest.approx(row[f"{name}, made with"], rel=0.04)
+
+
+def test_each_model_of_the_errors_fits_its_own_signal():
+    """Aguado-Rojas 2019, remark 3: the coefficients of position, speed and acceleration are not the same."""
+    found = imperfections.learned()
+    for name, values in found.recursive.items():
+        np.testing.assert_allclose(values, found.batch[name], atol=2e-5)
+    assert abs(found.recursive["position"][0] - found.recursive["acceleration"][0]) > 1e-3
+    for row in found.rows:
+        signal, others = row.pop("rms of").split(" ")[0], dict(row)
+        own = others.pop(f"with those of the {signal}")
+        assert own < 0.2 * others["not compensated"] and own < min(others.values())
 
 
 def log_with_a_gap():

@@ -7,9 +7,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from absjax.observers import OBSERVERS
 from absjax.observers.certificate import certify
+from absjax.observers.run import observe
+from absjax.observers.switched import constant_stiffness
 from absjax.parameters import defaults_of, span_of
 from absjax.plant.wheel import Wheel
 from absjax.results import RolloutError
@@ -20,6 +23,7 @@ from tuning.core.journal import Journal
 from tuning.core.objective import Objective
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.tables import LogError
+from tuning.observers import curves, singular
 from tuning.observers.bench import bench_of, training_runs
 from tuning.observers.config import ObserverConfig
 from tuning.observers.metrics import crossings, rms, settling, within
@@ -30,7 +34,9 @@ from tuning.observers.study import (
     estimates,
     gain_sets,
     held_out_runs,
+    rig_adaptive_rows,
     rig_sets,
+    rig_states,
     rig_study,
     speed_rows,
     table_runs,
@@ -220,6 +226,12 @@ def test_adaptive_beats_four_states_on_the_rig_log():
     four = [error[f"4-state, bounds of {name}"] for name in ("the rig's road", "dry and wet", "all roads")]
     assert error["adaptive, default"] < 0.6 * four[0] and four[0] < four[1] < four[2]
     assert error["adaptive, default"] < 0.35
+    states = rig_states(study, wheel, tyre)
+    np.testing.assert_allclose(states["w2"] - 26.9 / 213.75 * states["w1"], study.truth, atol=1e-12)
+    observed = observe(default[0].observer(wheel), study.signals.samples, log.period, substeps=default[0].substeps)
+    (row,) = rig_adaptive_rows(study, states, {"default": observed})
+    assert row["w1, rms"] < 0.1 * np.std(states["w1"]) and row["d, rms"] < 0.3 * row["d, true"] == 0.3 * 23.2
+    assert row["c, rms"] > 0.5 * row["c, true"]
 
 
 def test_shipped_gains_are_certified_and_settle_on_roads_not_tuned_on():
@@ -238,6 +250,55 @@ def test_shipped_gains_are_certified_and_settle_on_roads_not_tuned_on():
         assert np.max(times[after]) < np.max(times[before])
         for k in range(2):
             assert times[after][k].mean() < times[before][k].mean()
+
+
+def test_the_published_observer_in_the_loop_and_what_it_asks_of_a_run():
+    """Hoang 2014, Figs 4.1 and 4.2: the common P decreases throughout; one gain for both signs diverges."""
+    ride = singular.ride()
+    lyapunov = ride.lyapunov
+    assert np.all(np.diff(lyapunov) < 1e-9 * lyapunov[:-1]) and lyapunov[-1] < 1e-4 * lyapunov[0]
+    poles = np.linalg.eigvals(np.asarray(ride.observer.A) - np.outer(ride.observer.plus, [1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(poles, -0.1 * 187.5, rtol=1e-3)
+    table = {row["observer"]: row for row in singular.rows(ride)}
+    assert table["3 states, in the loop"]["settles after the first switching [s]"] < 1.0
+    one_gain = table["3 states, one gain for both signs"]
+    assert one_gain["settles after the first switching [s]"] == "never" and one_gain["XBS rms, second half"] > 100
+    cycling, continuous = singular.excited_rows({}, ride)
+    assert cycling["assumptions"] == "hold" and cycling["admissible"] == "yes"
+    assert cycling["dwell, at least [ms]"] < cycling["dwell time [ms]"]
+    assert continuous["assumptions"].startswith("fail: (3.17)") and continuous["admissible"] == "no"
+
+
+def test_a_vanishing_dwell_time_leaves_no_decay():
+    """Hoang 2014, section 2.1.3: Balde's invariant says never uniformly asymptotically stable without a dwell time."""
+    observer = singular.placed(constant_stiffness(Wheel()), Wheel())
+    plus, minus = np.outer(observer.plus, [1.0, 0.0]), np.outer(observer.minus, [1.0, 0.0])
+    a_plus, a_minus = np.asarray(observer.A) - plus, minus - np.asarray(observer.A)
+    gamma = 0.5 * (np.trace(a_plus) * np.trace(a_minus) - np.trace(a_plus @ a_minus))
+    assert gamma == pytest.approx(-np.sqrt(np.linalg.det(a_plus) * np.linalg.det(a_minus)), rel=1e-9)
+    rates = singular.decay_at(observer, np.array([1e-3, 2e-3, 1.0]))
+    assert rates[1] / rates[0] == pytest.approx(4.0, rel=0.01)
+    assert 0.5 * 0.1 * 187.5 < rates[2] < 0.1 * 187.5
+
+
+def test_two_states_without_control_look_alike():
+    time, pair = singular.indistinguishable(300.0)
+
+    def slope(t, y, xbs):
+        return -187.5 / singular.SPEED * xbs * y - 4.375 * 300.0
+
+    for xbs, values in zip((0.5, 3.0), pair):
+        expected = solve_ivp(slope, (0, time[-1]), [0.0], t_eval=time, args=(xbs,), rtol=1e-10, atol=1e-10).y[0]
+        np.testing.assert_allclose(values, expected, atol=1e-6)
+    assert np.all(singular.indistinguishable(0.0)[1] == 0.0)
+
+
+def test_the_basis_is_as_printed_between_its_rates_and_not_outside_them():
+    """Hoang et al. 2014, Table I."""
+    rows = {row["road"]: row for row in curves.rows()}
+    for name in curves.PUBLISHED:
+        assert float(rows[name]["off the printed"]) < 6e-4 and rows[name]["largest difference of mu"] < 0.025
+    assert rows["dry_cobblestones, [A] Table 2.1"]["largest difference of mu"] > 0.1
 
 
 def test_wrong_vehicle_speed_moves_the_estimate_but_not_its_zero_crossings():

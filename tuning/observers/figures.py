@@ -139,6 +139,37 @@ def rig_states_figure(study: RigStudy, label: str, estimate_y: np.ndarray):
     return figure
 
 
+def rig_slip_figure(study: RigStudy, peak: float):
+    """Wheel slip on a rig log, and the peak of the curve fitted to force (Aguado-Rojas 2019, Fig. 3.11)."""
+    figure, axes = _axes(1, 3.0)
+    axes.plot(study.signals.time, study.signals.slip, lw=0.8)
+    axes.axhline(-peak, color="k", ls=":", lw=0.9, label="peak of the fitted curve")
+    axes.set(xlabel="time [s]", ylabel="slip λ", title=f"at {3.6 * study.signals.samples.speed.mean():.0f} km/h")
+    axes.legend(fontsize="small")
+    return figure
+
+
+def rig_adaptive_figure(study: RigStudy, states: Mapping[str, np.ndarray], found: Mapping[str, Observation]):
+    """States and parameters of the adaptive observer on a rig log (Aguado-Rojas 2019, Fig. 3.13).
+
+    Args:
+        states: w1, w2, c and d as force and slip give them, arrays (samples,).
+        found: observations by the name of the gains.
+    """
+    figure, grid = _axes(4, 2.2, sharex=True)
+    labels = {"w1": "w1 = x2 [m/s²]", "w2": "w2 = XBS + (c/a) x2", "c": "θ1 = c", "d": "θ2 = d"}
+    for axes, (name, truth) in zip(grid, states.items()):
+        axes.plot(study.signals.time, truth, "k", lw=0.9, label="from force and slip")
+        for label, observed in found.items():
+            axes.plot(study.signals.time, getattr(observed.state, name), lw=0.7, label=label)
+        late = truth[study.braking]
+        room = 0.6 * np.ptp(late) or 1.3 * np.abs(late).max()
+        axes.set(ylabel=labels[name], ylim=(late.min() - room, late.max() + room))
+    grid[0].legend(fontsize="small", loc="upper right", ncols=3)
+    grid[-1].set(xlabel="time [s]")
+    return figure
+
+
 def log_figure(signals: LogSignals, truth: np.ndarray, estimates: Mapping[str, np.ndarray], cut: float):
     """XBS of a log before and after tuning; the part tuned on lies left of `cut`."""
     figure, axes = _axes()

@@ -261,6 +261,34 @@ def rig_study(log: BrakeLog, wheel: Wheel, tyre, sets: Sequence[GainSet], start:
     return RigStudy(signals, truth, found, braking, rows)
 
 
+def rig_states(study: RigStudy, wheel: Wheel, tyre) -> dict[str, np.ndarray]:
+    """w1, w2, c and d of the adaptive observer, as the curve fitted to force gives them, arrays (samples,).
+
+    Source: Aguado-Rojas 2019, section 3.5.
+    """
+    y, c = np.asarray(study.signals.samples.y), float(tyre.c2)
+    w2 = study.truth + c / float(wheel.slip_gain) * y
+    return {"w1": y, "w2": w2, "c": np.full(y.size, c), "d": np.full(y.size, c * float(tyre.c3))}
+
+
+def rig_adaptive_rows(
+    study: RigStudy, states: Mapping[str, np.ndarray], found: Mapping[str, Observation]
+) -> list[dict[str, Any]]:
+    """How near the adaptive observer comes to its states and parameters, rms over the second half of a log."""
+    late = study.signals.time > 0.5 * (study.signals.time[0] + study.signals.time[-1])
+    rows = []
+    for label, observed in found.items():
+        row: dict[str, Any] = {"gains": label}
+        for name, truth in states.items():
+            error = np.asarray(getattr(observed.state, name)) - truth
+            row |= {
+                f"{name}, true": float(f"{truth[late].mean():.3g}"),
+                f"{name}, rms": float(f"{rms(error, late):.3g}"),
+            }
+        rows.append(row)
+    return rows
+
+
 def rig_sets(tyre, tuned: Sequence[GainSet]) -> list[GainSet]:
     """The 4-state observer with rates for the rig, for dry and wet, for all roads; the 3-state one; the others given.
 

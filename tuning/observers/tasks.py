@@ -8,6 +8,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
+from absjax.observers.along_a_run import certify_run
 from absjax.observers.certificate import certify
 from absjax.observers.excitation import decay_along
 from absjax.observers.run import observe
@@ -22,7 +23,7 @@ from tuning.core.report import Report
 from tuning.logs.brake_log import BrakeLog, parse_columns, read_log
 from tuning.logs.car import car_of, read_car
 from tuning.logs.tables import LogError
-from tuning.observers import figures
+from tuning.observers import curves, figures, singular
 from tuning.observers.bench import Bench, log_bench
 from tuning.observers.config import ObserverConfig
 from tuning.observers.metrics import rms
@@ -39,7 +40,9 @@ from tuning.observers.study import (
     held_out_runs,
     noise_rows,
     perturbation,
+    rig_adaptive_rows,
     rig_sets,
+    rig_states,
     rig_study,
     settling_rows,
     speed_rows,
@@ -54,6 +57,8 @@ LOG_SHARE = 0.6
 """Share of a log that is tuned on; the rest is held out."""
 SETTLE = 0.5
 """Beginning of a log on which errors do not count, s."""
+LONGEST_WINDOW = 1.0
+"""Over which the excitation of a log is looked at, s."""
 TRADE_OFF_WEIGHTS = (0.02, 0.1, 0.3, 1.0, 3.0)
 
 
@@ -142,14 +147,20 @@ def tune_on_log(task: LogTask, out: Path, progress: Progress, journal: Journal) 
         rows.append({"gains": gains.label, **{k: round(float(rms(error, part)), 4) for k, part in parts.items()}})
     title = f"rms of XBS against force, before and after {cut:g} s of {log.name}"
     file = save(figures.log_figure(signals, truth, found, cut), out / "log.png")
-    return _outcome(result, out, {title: rows}, [file])
+    report = _outcome(result, out, {title: rows}, [file])
+    window = min(LONGEST_WINDOW, 0.5 * (log.time[-1] - log.time[0]))
+    return report._replace(
+        lines=[*report.lines, f"{log.name}: {certify_run(signals.samples, log.period, wheel, window)}"]
+    )
 
 
 def study(out: Path) -> Iterator[Report]:
     """Every table and figure of default against tuned gains."""
     sets = gain_sets()
     runs = {excitation: table_runs(excitation) for excitation in EXCITATIONS}
+    yield _curves(out)
     yield _certificates(sets, runs["five_phase"])
+    yield _singular(runs, out)
     yield _settling(sets, runs, out)
     yield _figures_of_runs(sets, runs["five_phase"], out)
     yield _robustness(sets, runs["five_phase"], out)
@@ -168,6 +179,30 @@ def _certificates(sets: list[GainSet], runs: Scenarios) -> Report:
             decay = decay_along(observer, samples, runs.period)
             lines.append(f"  along a five-phase run every error decays at {decay:.3g} 1/s at least")
     return Report({}, lines, [])
+
+
+def _curves(out: Path) -> Report:
+    """The exponential basis of the 4-state observer against Burckhardt's curves."""
+    title = "exponential basis: coefficients, and how far it is off"
+    return Report({title: curves.rows()}, [], [save(curves.figure(), out / "basis.png")])
+
+
+def _singular(runs: dict[str, Scenarios], out: Path) -> Report:
+    """What the zeros of y cost, what runs offer, and the published observer in the loop."""
+    found = singular.ride()
+    tables = {
+        "what a run offers an observer": singular.excited_rows(runs, found),
+        f"five phases tracking on observed XBS, {singular.SPEED:g} m/s, triple pole {singular.POLE:g} as published": (
+            singular.rows(found)
+        ),
+    }
+    files = [
+        write_json(out / "singular.json", tables),
+        save(singular.singularity_figure(), out / "singularity.png"),
+        save(singular.ride_figure(found), out / "singular_loop.png"),
+        save(singular.error_plane_figure(found), out / "singular_error.png"),
+    ]
+    return Report(tables, [], files)
 
 
 def _settling(sets, runs, out: Path) -> Report:
@@ -251,12 +286,24 @@ def _rig(sets, out: Path) -> Report:
     found = rig_study(log, wheel, tyre, rig_sets(tyre, sets))
     known = next(gains for gains in rig_sets(tyre, []) if gains.kind == "known_road")
     run = observe(known.observer(wheel), found.signals.samples, log.period, substeps=known.substeps)
+    adaptive = [gains for gains in sets if gains.kind == "adaptive"]
+    observed = {
+        gains.label: observe(gains.observer(wheel), found.signals.samples, log.period, substeps=gains.substeps)
+        for gains in adaptive
+    }
+    states = rig_states(found, wheel, tyre)
     files = [
+        save(figures.rig_slip_figure(found, float(tyre.peak().slip)), out / "rig_slip.png"),
+        save(figures.rig_adaptive_figure(found, states, observed), out / "rig_adaptive.png"),
         save(figures.rig_figure(found), out / "rig_xbs.png"),
         save(figures.rig_states_figure(found, known.label, np.asarray(run.state[0])), out / "rig_3_state.png"),
     ]
     title = f"XBS on {log.name} against the slope of the curve fitted to force"
-    return Report({title: found.rows}, [], [write_json(out / "rig.json", {"rows": found.rows}), *files])
+    tables = {
+        title: found.rows,
+        "adaptive observer on that log, second half": rig_adaptive_rows(found, states, observed),
+    }
+    return Report(tables, [], [write_json(out / "rig.json", {"rows": found.rows}), *files])
 
 
 def _tracking(sets, out: Path) -> Report:

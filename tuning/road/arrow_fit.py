@@ -137,8 +137,9 @@ def _covariance(residual, by_shared, by_own, prior: Prior):
         return bread, 1.0
     meat = scores.T @ scores * lanes / (lanes - 1) * size / spare / level**2
     robust = bread @ (meat + np.diag(prior.information)) @ bread
-    larger = np.sqrt(np.maximum(np.diag(robust) / np.maximum(np.diag(bread), 1e-300), 1.0))
-    return bread * np.outer(larger, larger), float(np.mean(larger**2))
+    ratio = np.maximum(np.diag(robust), 1e-300) / np.maximum(np.diag(bread), 1e-300)
+    raised = np.sqrt(np.maximum(1 / ratio, 1.0))
+    return robust * np.outer(raised, raised), float(np.mean(np.maximum(ratio, 1.0)))
 
 
 def _inverse(matrix):

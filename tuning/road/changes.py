@@ -1,4 +1,4 @@
-"""Where the surface changes: exact search over all instants, by linear least squares.
+"""Where the surface changes: the best of all partitions, by linear least squares.
 
 For a fixed c2, Burckhardt's curve is linear in (c1, c3), so that the residual of any stretch of the log
 follows from running sums; over a grid of c2 it costs the same for every stretch. A change is accepted
@@ -15,6 +15,8 @@ from tuning.road.samples import FrictionSamples
 
 SHORTEST = 0.25
 """Shortest stretch of one surface [s]."""
+GRID, FINEST = 0.01, 400
+"""Cuts are looked for every so many seconds, and at no more than so many places."""
 SMALLEST_GAIN = 1.3
 """By how much a change has to lower the sum of squares; less is what noise that varies with slip does."""
 BLENDS = (0.001, 0.005, 0.01, 0.015, 0.02, 0.025, 0.03, 0.04, 0.06)
@@ -66,39 +68,65 @@ class _Sums:
 
 
 def find_stretches(samples: FrictionSamples, most: int = 6) -> list[Stretch]:
-    """Stretches of one surface each, found by repeated bisection.
+    """Stretches of one surface each: the best partition into each number of them, by dynamic programming.
+
+    Cuts lie on a grid first, and are then moved to where they are best. A stretch more has to lower the sum of squares
+    by a share worth the name, and Schwarz's criterion.
 
     Args:
         samples: points of the friction curve.
         most: largest number of stretches.
     """
-    period = float(np.median(np.diff(samples.time)))
+    period, size = float(np.median(np.diff(samples.time))), len(samples.time)
     shortest = max(20, round(SHORTEST / period))
     sums = _Sums(samples.slip, samples.friction)
-    stretches = [sums.stretch(0, len(samples.time))]
-    while len(stretches) < most:
-        splits = [(_split(sums, stretch, shortest), i) for i, stretch in enumerate(stretches)]
-        gain, pair, i = max(((*found, i) for found, i in splits if found), default=(0.0, [], 0), key=lambda s: s[0])
-        if gain <= 0:
+    stride = max(1, round(max(GRID / period, size / FINEST)))
+    knots = np.append(np.arange(0, size - stride // 2, stride), size)
+    best = _partitions(sums, knots, shortest, most)
+    chosen = [0, size]
+    for cuts in best[1:]:
+        fewer, more = (sum(sums.stretch(a, b).residual for a, b in zip(c, c[1:])) for c in (chosen, cuts))
+        if size * np.log(fewer / more) > 4 * np.log(size) * (len(cuts) - len(chosen)) and fewer >= SMALLEST_GAIN * more:
+            chosen = _moved(sums, cuts, stride, shortest)
+    return [sums.stretch(a, b) for a, b in zip(chosen, chosen[1:])]
+
+
+def _partitions(sums: _Sums, knots: np.ndarray, shortest: int, most: int) -> list[list[int]]:
+    """Cuts, ends included, of the best partition into 1, 2, ... stretches, as far as there is room."""
+    count = len(knots)
+    costs = np.full((count, count), np.inf)
+    for i in range(count - 1):
+        last = knots[i + 1 :]
+        fitted = sums.fit(np.full(len(last), knots[i]), last)[0].min(axis=0)
+        costs[i, i + 1 :] = np.where(last - knots[i] >= shortest, fitted, np.inf)
+    total, origin = costs[0].copy(), []
+    found = [[int(knots[0]), int(knots[-1])]]
+    for _ in range(most - 1):
+        through = total[:, None] + costs
+        origin.append(np.argmin(through, axis=0))
+        total = np.min(through, axis=0)
+        if not np.isfinite(total[-1]):
             break
-        stretches[i : i + 1] = pair
-    return stretches
+        cuts, at = [count - 1], count - 1
+        for back in reversed(origin):
+            at = int(back[at])
+            cuts.append(at)
+        found.append([int(knots[i]) for i in [0, *reversed(cuts)]])
+    return found
 
 
-def _split(sums: _Sums, stretch: Stretch, shortest: int):
-    """Best bisection of a stretch and by how much it lowers the criterion; None if it is too short."""
-    cuts = np.arange(stretch.first + shortest, stretch.last - shortest)
-    if not cuts.size:
-        return None
-    before = sums.fit(np.full_like(cuts, stretch.first), cuts)[0].min(axis=0)
-    after = sums.fit(cuts, np.full_like(cuts, stretch.last))[0].min(axis=0)
-    cut = int(cuts[np.argmin(before + after)])
-    pair = [sums.stretch(stretch.first, cut), sums.stretch(cut, stretch.last)]
-    n = stretch.last - stretch.first
-    together, apart = stretch.residual, pair[0].residual + pair[1].residual
-    if together < SMALLEST_GAIN * apart:
-        return None
-    return n * np.log(together / apart) - 4 * np.log(n), pair
+def _moved(sums: _Sums, cuts: list[int], stride: int, shortest: int) -> list[int]:
+    """Every inner cut where it is best between its neighbours, within two strides."""
+    cuts = list(cuts)
+    for i in range(1, len(cuts) - 1):
+        low = max(cuts[i - 1] + shortest, cuts[i] - 2 * stride)
+        high = min(cuts[i + 1] - shortest, cuts[i] + 2 * stride)
+        at = np.arange(low, high + 1)
+        if len(at):
+            before = sums.fit(np.full_like(at, cuts[i - 1]), at)[0].min(axis=0)
+            after = sums.fit(at, np.full_like(at, cuts[i + 1]))[0].min(axis=0)
+            cuts[i] = int(at[np.argmin(before + after)])
+    return cuts
 
 
 def refine_change(samples: FrictionSamples, before: Tyre, after: Tyre, near: int) -> tuple[float, float]:

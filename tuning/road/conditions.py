@@ -21,6 +21,8 @@ ROLLING = 0.4
 FEWEST_ROLLING = 20
 CALM = 0.1
 """Window over which a deceleration counts [s]."""
+LOADING = 0.02
+"""Window over which it moves the load [s]."""
 REFRESHED = 0.02
 """Time between samples of a speed that comes from the acceleration [s]."""
 CHANGING_LOAD = 0.03
@@ -46,10 +48,10 @@ class Start:
         return dataclasses.replace(car.wheel, radius=self.values["radius"])
 
 
-def deceleration_of(log: BrakeLog) -> np.ndarray:
-    """Deceleration over `CALM` [m/s^2], (samples,), positive while braking."""
+def deceleration_of(log: BrakeLog, window: float = CALM) -> np.ndarray:
+    """Deceleration over a window [s], in m/s^2, (samples,), positive while braking."""
     if log.acceleration is not None:
-        width = max(1, round(CALM / log.period))
+        width = max(1, round(window / log.period))
         padded = np.pad(log.acceleration, (width // 2, width - 1 - width // 2), mode="edge")
         return -np.convolve(padded, np.ones(width) / width, "valid")
     return -rate_of(log, log.vehicle_speed, smoothing=3 * CALM)
@@ -84,7 +86,7 @@ def load_share(log: BrakeLog, car: Car) -> np.ndarray | None:
     ):
         return log.load / float(car.wheel.load)
     if car.axle is not None:
-        return car.axle.load_share(-deceleration_of(log))
+        return car.axle.load_share(-deceleration_of(log, LOADING))
     return np.ones(len(log.time)) if is_rig(log) else None
 
 

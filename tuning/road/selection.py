@@ -11,6 +11,8 @@ from tuning.road.arrow_fit import Fit
 
 LEAST = 0.2
 """Share of what all of them would bring that one has to bring."""
+TOGETHER = frozenset({"radius", "inertia", "brake_efficiency", "pressure_zero"})
+"""Where one of these is not as known, the others are not believed either; a stop tells them all."""
 WORTH = 12.0
 """Fall of the sum of squares that a freed quantity has to bring; times the fit's inflation."""
 
@@ -33,6 +35,7 @@ def selected(
         name = min(trials, key=lambda n: trials[n].cost)
         if best.cost - trials[name].cost <= LEAST * (best.cost - whole.cost):
             break
-        free, best = free | {name}, trials[name]
-        left.remove(name)
+        added = TOGETHER & frozenset(left) if name in TOGETHER else frozenset([name])
+        best = trials[name] if added == {name} else fit(free | added)
+        free, left = free | added, [other for other in left if other not in added]
     return free, best

@@ -21,8 +21,10 @@ from tuning.controllers.recipes import tuned_sets
 from tuning.controllers.settings import CHAIN, LOCATED, SAMPLED, SETTINGS
 from tuning.controllers.setup import Setup
 from tuning.controllers.study import changing as changing_study
+from tuning.controllers.study import curves as curve_study
 from tuning.controllers.study import distances as distance_study
 from tuning.controllers.study import figures, robustness
+from tuning.controllers.study import logics as logic_study
 from tuning.controllers.study import phase_plane as phase_study
 from tuning.controllers.study import published_table as published_study
 from tuning.controllers.study.distances import FURTHER_ROADS, FURTHER_SPEEDS_KMH, NAMES, untuned_and_tuned
@@ -44,6 +46,8 @@ SEED = 2024
 
 def run_study(out: Path, stops: int = STOPS) -> Iterator[Report]:
     """Every table and figure of the controllers."""
+    yield curves(out)
+    yield logics(out)
     yield poincare(out)
     yield failure(out)
     yield distances(out)
@@ -52,6 +56,18 @@ def run_study(out: Path, stops: int = STOPS) -> Iterator[Report]:
     yield published(out)
     yield cycles(out)
     yield from scattered(out, stops)
+
+
+def curves(out: Path) -> Report:
+    """Friction and XBS of the published surfaces."""
+    return Report({"published surfaces": curve_study.rows()}, [], [save(curve_study.figure(), out / "curves.png")])
+
+
+def logics(out: Path) -> Report:
+    """The cycles of the textbook's logic and of that of production cars."""
+    found = [logic_study.run(name) for name in logic_study.SETTINGS]
+    title = f"logics on {logic_study.ROAD.replace('_', ' ')} from {logic_study.SPEED_KMH:g} km/h, set by hand"
+    return Report({title: logic_study.rows(found)}, [], [save(logic_study.figure(found), out / "logics.png")])
 
 
 def poincare(out: Path) -> Report:
@@ -77,7 +93,8 @@ def poincare(out: Path) -> Report:
             }
         )
     title = "limit cycle of two phases on dry asphalt"
-    return Report({title: rows}, [], [write_json(out / "poincare.json", {"rows": rows})])
+    files = [write_json(out / "poincare.json", {"rows": rows}), save(curve_study.lambert_figure(), out / "lambert.png")]
+    return Report({title: rows}, [], files)
 
 
 def failure(out: Path) -> Report:
