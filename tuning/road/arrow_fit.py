@@ -12,6 +12,9 @@ from typing import NamedTuple
 import numpy as np
 
 MOST_ITERATIONS = 60
+LARGEST_LEVERAGE = 0.8
+LARGEST_SLOPE = 1e100
+"""A step after which derivatives are larger, or no numbers, is not made."""
 RIDGE = 1e-10
 """Of its diagonal, added to what is known of a lane's own state: two states that look alike have an inverse still."""
 Evaluate = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray, np.ndarray]]
@@ -69,11 +72,17 @@ def arrow_fit(
         own: start (lanes, q); q may be 0.
         lower: lower bounds (p,); a step that would pass one ends on it.
         prior: what is known of the shared parameters.
+
+    Returns:
+        A `Fit`; its cost is inf where the start has none.
     """
     prior = Prior.none(len(shared)) if prior is None else prior
     damping, converged, iterations = 1e-4, False, 0
     residual, by_shared, by_own = evaluate(shared, own)
     cost = _cost(residual, shared, prior)
+    if not np.isfinite(cost):
+        nothing = np.full((len(shared), len(shared)), np.inf)
+        return Fit(shared, own, np.nan_to_num(residual), nothing, 1.0, np.inf, 0, False)
     while iterations < MOST_ITERATIONS and not converged:
         iterations += 1
         matrix, vector, own_inverse, cross, own_vector = _reduced(residual, by_shared, by_own, damping)
@@ -85,7 +94,7 @@ def arrow_fit(
         own_step = -np.einsum("lij,lj->li", own_inverse, own_vector + np.einsum("lpj,p->lj", cross, step))
         trial = evaluate(trial_shared, own + own_step)
         trial_cost = _cost(trial[0], trial_shared, prior)
-        if trial_cost <= cost and all(np.isfinite(np.sum(slopes**2)) for slopes in trial[1:]):
+        if trial_cost <= cost and all(np.abs(slopes).max(initial=0.0) < LARGEST_SLOPE for slopes in trial[1:]):
             gain = (cost - trial_cost) / max(cost, 1e-300)
             shared, own, cost = trial_shared, own + own_step, trial_cost
             residual, by_shared, by_own = trial
@@ -99,7 +108,8 @@ def arrow_fit(
 
 
 def _cost(residual, shared, prior: Prior) -> float:
-    return float(np.sum(residual**2) + np.sum(prior.residual(shared) ** 2))
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float(np.sum(residual**2) + np.sum(prior.residual(shared) ** 2))
 
 
 def _solved(matrix, vector, damping):
@@ -135,7 +145,10 @@ def _covariance(residual, by_shared, by_own, prior: Prior):
     bread = _inverse(matrix / level + np.diag(prior.information))
     if lanes < 2 * matrix.shape[0] + 2:
         return bread, 1.0
-    meat = scores.T @ scores * lanes / (lanes - 1) * size / spare / level**2
+    # A lane that pulls hard leaves less of its own error in the residual (Bell and McCaffrey 2002).
+    leverage = np.einsum("lnp,pq,lnq->l", projected, bread, projected, optimize=True) / level
+    scores = scores / (1 - np.minimum(leverage, LARGEST_LEVERAGE))[:, None]
+    meat = scores.T @ scores / level**2
     robust = bread @ (meat + np.diag(prior.information)) @ bread
     ratio = np.maximum(np.diag(robust), 1e-300) / np.maximum(np.diag(bread), 1e-300)
     raised = np.sqrt(np.maximum(1 / ratio, 1.0))

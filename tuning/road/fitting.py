@@ -14,7 +14,7 @@ from tuning.road.conditions import Start
 from tuning.road.curve import Curve
 from tuning.road.curve_fit import BLOCK, fit_curve
 from tuning.road.noise import noise_of
-from tuning.road.output_error import CAR, Shooting, fit_output_error, shooting
+from tuning.road.output_error import CAR, SHARED, Shooting, fit_output_error, shooting
 from tuning.road.samples import FrictionSamples, friction_samples, rate_of
 from tuning.road.selection import selected
 from tuning.road.vehicle_speed import measured
@@ -28,6 +28,8 @@ ROUNDS = 3
 """Searches for the changes, each with the quantities of the fit before."""
 MATERIAL = 0.03
 """Share of the larger friction by which two curves have to differ somewhere to be two surfaces."""
+TRANSFERRED = 1e-3
+"""Standard deviation of a load that is reckoned from the acceleration, as a share."""
 ZERO_SHARE = 0.003
 """Of the load, by which the balance of a wheel is off at the least."""
 LEAST_SHARE = 0.1
@@ -156,7 +158,8 @@ def _intervals(curve: Curve, start: Start, stretches: list[Stretch], values: dic
         for other in stretches[1:]:
             inside &= np.abs(log.time - log.time[other.first]) > GUARD
         masks.append(inside & late)
-    return shooting(curve, log, masks, values["radius"], start.share)
+    middle = 0.0 if start.motion is None else start.motion.middle
+    return shooting(curve, log, masks, values["radius"], start.share, middle)
 
 
 def _candidates(start: Start, car: Car) -> tuple[list[str], list[str]]:
@@ -188,9 +191,12 @@ def _prior(problem: Shooting, surfaces: int, start: Start, car: Car, free: froze
     means = {name: priors[name].value for name in CAR}
     means["speed_delay"] = means["speed_delay"] - start.values["speed_delay"] if "speed_delay" in free else 0.0
     spreads = [priors[name].spread if name in free else 0.0 for name in CAR]
+    if start.share is not None and car.axle is not None and start.log.load is None and "load" not in free:
+        spreads[CAR.index("load")] = TRANSFERRED * priors["load"].value
+    course = start.motion.spreads if start.slow and start.motion is not None else (0.0, 0.0)
     return Prior(
-        np.concatenate([np.zeros(surfaces * size), [means[name] for name in CAR]]),
-        np.concatenate([np.full(surfaces * size, np.inf), spreads]),
+        np.concatenate([np.zeros(surfaces * size), [means[name] for name in CAR], [0.0, 0.0]]),
+        np.concatenate([np.full(surfaces * size, np.inf), spreads, course]),
     )
 
 
@@ -198,7 +204,7 @@ def _settled(problem: Shooting, guesses, start: Start, car: Car, values) -> tupl
     """The fit, with the noise of each channel as the fit of all that may be free has it, and what had to be free."""
     always, maybe = _candidates(start, car)
     begin = {**values, "speed_delay": values["speed_delay"] - start.values["speed_delay"]}
-    shared = np.concatenate([*guesses, [begin[name] for name in CAR]])
+    shared = np.concatenate([*guesses, [begin[name] for name in CAR], [0.0, 0.0]])
     own, everything = problem.start(), frozenset([*always, *maybe])
     for _ in range(SWEEPS):
         fit = _fit(problem, len(guesses), shared, own, start, car, everything)
@@ -210,12 +216,12 @@ def _settled(problem: Shooting, guesses, start: Start, car: Car, values) -> tupl
 
 def _fit(problem: Shooting, surfaces: int, shared, own, start: Start, car: Car, free: frozenset[str]) -> Fit:
     least = [LEAST_SHARE * car.priors[name].value if KINDS[name].wheel else KINDS[name].low for name in CAR]
-    lower = np.concatenate([np.tile(problem.curve.lower + 1e-6, surfaces), least])
+    lower = np.concatenate([np.tile(problem.curve.lower + 1e-6, surfaces), least, [-np.inf, -np.inf]])
     return fit_output_error(problem, shared, own, lower=lower, prior=_prior(problem, surfaces, start, car, free))
 
 
 def _values(shared: np.ndarray, start: Start) -> dict[str, float]:
-    found = dict(zip(CAR, map(float, shared[len(shared) - len(CAR) :])))
+    found = dict(zip(CAR, map(float, shared[len(shared) - SHARED :])))
     found["speed_delay"] += start.values["speed_delay"]
     return found
 
@@ -235,7 +241,7 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
             other = problem._replace(surface=labels)
             alone = np.isin(problem.surface, (i, i + 1))
             intervals = [int(np.any(problem.weight[problem.surface == k] > 0, axis=(1, 2)).sum()) for k in (i, i + 1)]
-            shared = np.concatenate([*guesses, fit.shared[len(fit.shared) - len(CAR) :]])
+            shared = np.concatenate([*guesses, fit.shared[len(fit.shared) - SHARED :]])
             again = _fit(other, len(guesses), shared, fit.own, start, car, free)
             penalty = fit.inflation * (size + 1) * np.log(max(int(np.count_nonzero(problem.weight[alone])), 2))
             slips = -np.linspace(0.0, 0.3, 61)
@@ -273,9 +279,9 @@ def _quantities(fit: Fit, start: Start, car: Car, first: int) -> dict[str, Quant
             value += start.values[name]
             if spread == 0 and start.motion is not None and value != priors[name].value:
                 spread = start.motion.delay_spread
-        if spread > 0:
+        if spread > 0 and (name != "load" or priors[name].stated):
             prior = priors[name]
-            found[name] = Quantity(value, spread, prior.value, prior.spread, KINDS[name].unit)
+            found[name] = Quantity(float(value), float(spread), prior.value, prior.spread, KINDS[name].unit)
     return found
 
 

@@ -56,6 +56,10 @@ CAR = (
     "speed_delay",
 )
 """The car's quantities, in the order of the shared parameters after the coefficients."""
+NUISANCE = ("speed_offset", "speed_drift")
+"""What a speed taken from the acceleration may be off, m/s and m/s^2; after the car's quantities."""
+OF_LANE = 8
+SHARED = len(CAR) + len(NUISANCE)
 OUTPUTS = ("wheel_speed", "vehicle_speed", "acceleration")
 
 
@@ -75,14 +79,15 @@ def lagged(pressure: np.ndarray, period: float, lag: float) -> np.ndarray:
 def _linearised(curve: Curve, imposed: bool, substeps: int, parameters, own, pressure, by_lag, share, speed, period):
     """Outputs (lanes, samples, 3) and their derivative by each lane's parameters and own state.
 
-    Parameters of a lane: the coefficients of its surface, then R, J, gamma_b, Fz, P_0, a change of the lag, s.
+    Parameters of a lane: the coefficients of its surface, then R, J, gamma_b, Fz, P_0, a change of the lag, s, and what
+    an imposed speed is off.
     """
     coefficients, step = len(curve.names), period / substeps
 
     def outputs(point, pressure, by_lag, share, speed):
         tyre = curve.tyre(point[:coefficients])
-        radius, inertia, efficiency, load, zero, lag, slope = point[coefficients : coefficients + 7]
-        own = point[coefficients + 7 :]
+        radius, inertia, efficiency, load, zero, lag, slope, off = point[coefficients : coefficients + OF_LANE]
+        own, speed = point[coefficients + OF_LANE :], speed + off
         acting = pressure - zero + lag * by_lag
 
         def friction(w, v):
@@ -141,6 +146,8 @@ class Shooting(NamedTuple):
     """of the outputs, 1 / noise where measured and 0 where not, (lanes, samples, 3)"""
     share: np.ndarray
     """load over its nominal value, (samples of the log,)"""
+    middle: float
+    """time about which an imposed speed drifts, s"""
 
     @property
     def used(self) -> np.ndarray:
@@ -156,36 +163,40 @@ class Shooting(NamedTuple):
         assert log.brake_pressure is not None
         pressure, rate = log.brake_pressure, rate_of(log, log.vehicle_speed, smoothing=SMOOTHING)
         told = [getattr(log, name) for name in OUTPUTS]
-        zeros = np.zeros(len(log.time))
+        zeros, clock = np.zeros(len(log.time)), log.time - self.middle
         lanes, states = len(self.index), 1 if self.imposed else 2
         acceleration = zeros if log.acceleration is None else log.acceleration
 
         def evaluate(shared, own):
-            car = dict(zip(CAR, shared[surfaces * size :]))
+            car = dict(zip((*CAR, *NUISANCE), shared[surfaces * size :]))
             coefficients = shared[: surfaces * size].reshape(surfaces, size)[self.surface]
             lag, delay = car["pressure_lag"], car["speed_delay"]
             acting, small = lagged(pressure, period, lag), 1e-5
             by_lag = (lagged(pressure, period, lag + small) - acting) / small
             # Interpolated between samples, noise would average out, and that would look like a better delay.
-            speed = log.vehicle_speed + delay * rate
-            of_lanes = [car[name] for name in CAR[:5]] + [0.0, car["slope"]]
+            speed = log.vehicle_speed + delay * rate + car["speed_offset"] + car["speed_drift"] * clock
+            of_lanes = [car[name] for name in CAR[:5]] + [0.0, car["slope"], 0.0]
             points = np.concatenate([coefficients, np.tile(of_lanes, (lanes, 1))], axis=1)
             given = (x[self.index] for x in (acting, by_lag, self.share, speed))
             arguments = map(jnp.asarray, (points, own, *given))
             values, slopes = map(np.asarray, _linearised(self.curve, self.imposed, substeps, *arguments, period))
             measurements = np.stack([told[0], speed, acceleration], axis=-1)[self.index]
             bias = np.array([0.0, 0.0, car["acceleration_bias"]])
-            residual = (values + bias - measurements) * self.weight
+            with np.errstate(over="ignore", invalid="ignore"):
+                residual = np.where(self.weight > 0, (values + bias - measurements) * self.weight, 0.0)
             n = residual.shape[1] * 3
-            by_shared = np.zeros((lanes, *residual.shape[1:], surfaces * size + len(CAR)))
+            by_shared = np.zeros((lanes, *residual.shape[1:], surfaces * size + SHARED))
             for surface in range(surfaces):
                 own_surface = self.surface == surface
                 by_shared[own_surface, ..., surface * size : (surface + 1) * size] = slopes[own_surface, ..., :size]
             by_shared[..., surfaces * size : surfaces * size + 7] = slopes[..., size : size + 7]
             by_shared[..., 2, surfaces * size + 7] = 1.0
             by_shared[..., 1, surfaces * size + 8] = -rate[self.index]
+            by_offset = slopes[..., size + OF_LANE - 1] if self.imposed else -np.array([0.0, 1.0, 0.0])
+            by_shared[..., surfaces * size + 9] = by_offset
+            by_shared[..., surfaces * size + 10] = by_offset * clock[self.index][..., None]
             by_shared *= self.weight[..., None]
-            by_own = slopes[..., size + 7 : size + 7 + states] * self.weight[..., None]
+            by_own = slopes[..., size + OF_LANE : size + OF_LANE + states] * self.weight[..., None]
             return residual.reshape(lanes, n), by_shared.reshape(lanes, n, -1), by_own.reshape(lanes, n, -1)
 
         return evaluate
@@ -217,7 +228,12 @@ class Shooting(NamedTuple):
 
 
 def shooting(
-    curve: Curve, log: BrakeLog, stretches: list[np.ndarray], radius: float, share: np.ndarray | None = None
+    curve: Curve,
+    log: BrakeLog,
+    stretches: list[np.ndarray],
+    radius: float,
+    share: np.ndarray | None = None,
+    middle: float = 0.0,
 ) -> Shooting:
     """Cut a log into intervals.
 
@@ -228,6 +244,7 @@ def shooting(
         radius: about that of the wheel [m].
         share: load over its nominal value, (samples,), where it changes or the vehicle's speed is imposed; None: the
             quarter car.
+        middle: time about which an imposed speed drifts [s].
     """
     length = max(FEWEST, round(INTERVAL / log.period))
     slipping = radius * log.wheel_speed / log.vehicle_speed > LOCKED
@@ -256,15 +273,8 @@ def shooting(
         if getattr(log, name) is not None and not (share is not None and i > 0):
             weight[..., i] = measured(log, name)[table] / noise_of(log, name, inside)
     weight[lanes - filling :] = 0.0
-    return Shooting(
-        log,
-        curve,
-        share is not None,
-        table,
-        np.array(surface),
-        weight,
-        np.ones(len(log.time)) if share is None else share,
-    )
+    nominal = np.ones(len(log.time)) if share is None else share
+    return Shooting(log, curve, share is not None, table, np.array(surface), weight, nominal, middle)
 
 
 def fit_output_error(problem: Shooting, shared: np.ndarray, own: np.ndarray, *, lower: np.ndarray, prior: Prior) -> Fit:
@@ -277,7 +287,7 @@ def fit_output_error(problem: Shooting, shared: np.ndarray, own: np.ndarray, *, 
         lower: lower bounds, of all.
         prior: of all.
     """
-    surfaces = (len(shared) - len(CAR)) // len(problem.curve.names)
+    surfaces = (len(shared) - SHARED) // len(problem.curve.names)
     evaluate_all, free = problem.evaluate(surfaces), prior.spread > 0
     whole = np.where(free, shared, prior.mean)
 

@@ -14,6 +14,13 @@ from tuning.logs.brake_log import BrakeLog
 
 DELAYS = np.arange(-0.05, 0.4, 2.5e-3)
 """Grid of d [s]."""
+BIAS, USUAL = 0.25, 0.1
+"""Standard deviation of the bias, of accelerometer and slope, before the log is seen [m/s^2]; a usual delay, and how far
+others are off it [s]."""
+BEGINNING = 0.03
+"""What a log begins with [s]."""
+FIRST_NOISE = 0.05
+"""Of a measurement of the speed, to begin with [m/s]."""
 SLOW = 0.025
 """Time between measurements [s] from which the speed is not fast enough to be a state of its own."""
 SIGNIFICANT = 3.0
@@ -31,6 +38,10 @@ class Motion(NamedTuple):
     """v at the grid's times, m/s, (samples,)"""
     noise: float
     """of a measurement of the speed, m/s"""
+    middle: float
+    """time about which the errors of v0 and b are independent, s"""
+    spreads: tuple[float, float]
+    """of the course: standard deviation of an offset, m/s, and of a drift about the middle, m/s^2"""
 
 
 def motion_of(log: BrakeLog) -> Motion | None:
@@ -46,25 +57,43 @@ def motion_of(log: BrakeLog) -> Motion | None:
     clock = log.time - log.time[0]
     travelled = np.concatenate([[0.0], np.cumsum(0.5 * (log.acceleration[1:] + log.acceleration[:-1]) * log.period)])
 
+    first = float(np.mean(log.acceleration[: max(1, round(BEGINNING / log.period))]))
+
     def fitted(delay):
         then = time - delay
-        inside = then >= 0
-        columns = np.stack([np.ones(inside.sum()), then[inside]], axis=1)
-        rest = told[inside] - np.interp(then[inside], clock, travelled)
-        solution = np.linalg.lstsq(columns, rest, rcond=None)[0]
+        columns = np.stack([np.ones(len(then)), then], axis=1)
+        # Before its first sample the log is taken to have gone on as it begins.
+        rest = told - np.interp(then, clock, travelled) - first * np.minimum(then, 0.0)
+        # The bias is known beforehand to be small, the delay not to be large.
+        weight = np.append(np.ones(len(rest)), noise / BIAS)
+        solution = np.linalg.lstsq(
+            np.vstack([columns, [0.0, 1.0]]) * weight[:, None], np.append(rest, 0.0) * weight, rcond=None
+        )[0]
         miss = rest - columns @ solution
-        return float(np.mean(miss**2)), solution, int(inside.sum())
+        known = (solution[1] * noise / BIAS) ** 2 + ((delay - USUAL) * noise / USUAL) ** 2
+        return float((np.sum(miss**2) + known) / len(at)), solution, then, miss
 
-    costs = np.array([fitted(delay)[0] for delay in DELAYS])
-    best = int(np.argmin(costs))
-    delay, spread = float(DELAYS[best]), np.inf
+    noise = FIRST_NOISE
+    for _ in range(2):
+        costs = np.array([fitted(delay)[0] for delay in DELAYS])
+        best = int(np.argmin(costs))
+        delay, spread = float(DELAYS[best]), np.inf
+        noise = max(float(np.sqrt(np.mean(fitted(delay)[3] ** 2))), 1e-4)
     if 0 < best < len(DELAYS) - 1:
         bend = costs[best - 1] - 2 * costs[best] + costs[best + 1]
         step = DELAYS[1] - DELAYS[0]
         delay += 0.5 * step * (costs[best - 1] - costs[best + 1]) / bend
-        spread = float(np.sqrt(2 * costs[best] / (len(at) * bend / step**2)))
-    cost, (start, bias), _ = fitted(delay)
-    return Motion(delay, spread, start + bias * clock + travelled, float(np.sqrt(cost)))
+        spread = float(np.sqrt(2 * noise**2 / (len(at) * bend / step**2)))
+    _, (start, bias), then, _ = fitted(delay)
+    late = np.interp(then, clock, log.acceleration) + bias
+    columns = np.stack([np.ones(len(then)), then, -late], axis=1) / noise
+    known = np.diag([0.0, 1 / BIAS**2, 1 / USUAL**2])
+    covariance = np.linalg.inv(columns.T @ columns + known)
+    middle = float(-covariance[0, 1] / covariance[1, 1])
+    offset = covariance[0, 0] - covariance[0, 1] ** 2 / covariance[1, 1]
+    spreads = float(np.sqrt(max(offset, 0.0))), float(np.sqrt(covariance[1, 1]))
+    course = start + bias * clock + travelled
+    return Motion(delay, spread, course, noise, middle + float(log.time[0]), spreads)
 
 
 def measured(log: BrakeLog, signal: str) -> np.ndarray:
