@@ -189,7 +189,7 @@ def _at_rest(signal: str, level: float, lowest: float, highest: float, at_the_en
     if signal == "wheel_speed":
         return level <= 0.01 * highest
     near_zero = abs(level) <= 0.02 * max(abs(lowest), abs(highest))
-    return near_zero and (signal == "brake_pressure" or at_the_end)
+    return near_zero and (signal in ("brake_pressure", "vehicle_speed") or at_the_end)
 
 
 def _spikes(values: np.ndarray) -> np.ndarray:
