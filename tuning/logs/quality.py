@@ -82,7 +82,7 @@ def quality_of(signal: str, time: np.ndarray, values: np.ndarray) -> Quality:
         taken,
         trusted,
         held,
-        step if step > 0.5 * noise else 0.0,
+        step if step > 0.5 * noise and _recur(told[kept]) else 0.0,
         clipped,
         tuple((int(points[a]), int(points[b])) for a, b in stuck),
         points[spikes],
@@ -126,10 +126,8 @@ def held_points(values: np.ndarray, length: int) -> np.ndarray:
 
 
 def lattice(values: np.ndarray) -> float:
-    """Step of the lattice on which values lie, if they come back to its levels; 0 if they lie on none."""
+    """Step of the lattice on which values lie; 0 if they lie on none."""
     levels = np.unique(values)
-    if levels.size > 0.7 * values.size:
-        return 0.0
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1e-9 * max(np.abs(levels).max(initial=0), 1e-300)]
     if gaps.size < 2:
@@ -139,6 +137,11 @@ def lattice(values: np.ndarray) -> float:
     step = float(near.mean())
     off = np.abs(gaps - np.round(gaps / step) * step)
     return step if np.mean(off < 0.1 * step) > 0.95 else 0.0
+
+
+def _recur(values: np.ndarray) -> bool:
+    """Whether values come back: else their steps are those of the signal, not of a sensor."""
+    return np.unique(values).size < 0.7 * values.size
 
 
 def noise_of(values: np.ndarray) -> float:
@@ -154,7 +157,8 @@ def _noisy(values: np.ndarray, step: float, noise: float) -> bool:
     second = np.diff(values, 2)
     turned = second[1:] * second[:-1]
     turned = turned[turned != 0]
-    return bool(noise > 0.6 * step and turned.size and np.mean(turned < 0) > 0.5)
+    floor = max(0.6 * step, 1e-9 * np.abs(values).max(initial=0))
+    return bool(noise > floor and turned.size and np.mean(turned < 0) > 0.5)
 
 
 def _still(signal: str, values, step: float, noise: float, kept):
