@@ -1,5 +1,8 @@
 """Which channel is which signal: declared on the command line or in a map, or known by its name; units and signs."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -205,3 +208,10 @@ def test_a_unit_that_would_fit_is_named(tmp_path, radius, unit):
 def test_an_empty_channel_is_left_out(tmp_path):
     log = log_of(tmp_path, original().assign(longitudinal_force_n=np.nan))
     assert log.force is None and "force: column 'longitudinal_force_n' is empty; left out" in log.notes
+
+
+def test_the_map_that_is_shown_is_taken(tmp_path):
+    page = (Path(__file__).parents[2] / "docs" / "commands" / "describe.md").read_text()
+    (tmp_path / "map.toml").write_text(re.findall(r"```toml\n(.*?)```", page, re.DOTALL)[0])
+    shown = read_channel_map(tmp_path / "map.toml")
+    assert shown["wheel_speed"].teeth == 48 and shown["acceleration"].sign == -1
