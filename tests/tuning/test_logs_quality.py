@@ -106,6 +106,7 @@ def test_no_wolf_is_cried():
         "vehicle_speed": np.minimum(30, 34 - 10 * TIMES),
         "wheel_speed": np.minimum(100, 120 - 40 * TIMES).round(2),
         "acceleration": np.maximum(-9, -20 * TIMES),
+        "force": (-2000 - 0.02 * np.cos(7 * TIMES) - 500 * np.maximum(TIMES - 1.5, 0) ** 3).round(2),
     }.items():
         quality = quality_of(signal, TIMES, values)
         assert quality.held == 1 and quality.trusted.all() and quality.taken.all(), signal
