@@ -72,6 +72,9 @@ def test_a_tyre_rig_in_sae_axes(tmp_path):
     assert log.brake_pressure is None and log.doubts == ()
     assert "load turned: all of it is negative, as in SAE axes" in log.notes
     assert "vehicle_speed is column 'V' in km/h (as tyre rigs write it)" in log.notes
+    slipping = of(table.drop(columns="N").assign(SL=slip), tmp_path, radius=0.2242)
+    np.testing.assert_allclose(slipping.wheel_speed, log.wheel_speed, rtol=1e-12)
+    assert "wheel_speed is column 'SL' in slip (as tyre rigs write it)" in slipping.notes
 
 
 def test_what_was_not_measured_is_known(tmp_path):
