@@ -6,6 +6,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pandas as pd
 import pytest
 from typer.testing import CliRunner
 
@@ -32,6 +33,42 @@ def test_identify_writes_result_and_figures(tmp_path):
     assert result["segments"][0]["peak_friction"] == pytest.approx(1.0332, rel=0.02)
     for figure in ("friction_curve.png", "log.png"):
         assert (tmp_path / figure).read_bytes().startswith(b"\x89PNG")
+
+
+def test_describe_says_what_a_log_holds(tmp_path):
+    """Names in brackets and other marks are shown as they are."""
+    log = pd.read_csv(DATA / "stop_dry_wet.csv")
+    log = log.set_axis(["Time [s]", "nWheel[/red] [rad/s]", "vCar [m/s]", "pBrake [bar]", "$a_x$ [m/s^2]"], axis=1)
+    log["$a_x$ [m/s^2]"] = log["$a_x$ [m/s^2]"].clip(-8)
+    log.to_csv(tmp_path / "log.csv", index=False)
+    columns = ("--columns", "wheel_speed=nWheel[/red] [rad/s],acceleration=$a_x$ [m/s^2]")
+    command = ["describe", str(tmp_path / "log.csv"), "--out", str(tmp_path / "out")]
+    done = CliRunner().invoke(app, [*command, *columns])
+    assert done.exit_code == 0, done.output
+    said = " ".join(done.output.split())
+    assert "wheel_speed: column 'nWheel[/red] [rad/s]' in rad/s" in said
+    assert "doubtful: acceleration: sits at -8 m/s^2 in 41% of its samples" in said
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    assert result["signals"]["acceleration"]["clipped"] == [-8.0] and result["step"] == pytest.approx(1e-3)
+    assert result["signals"]["wheel_speed"]["rate"] == pytest.approx(1000)
+    assert (tmp_path / "out" / "description.png").read_bytes().startswith(b"\x89PNG")
+    done = CliRunner().invoke(app, [*command, "--force", "--columns", "time=Zeit [s]"])
+    assert (
+        done.exit_code == 2
+        and "no column 'Zeit [s]' for time; there are Time [s], nWheel[/red] [rad/s]," in done.output
+    )
+    assert "[s]" in CliRunner().invoke(app, ["identify", "--help"]).output
+
+
+def test_identify_takes_a_channel_map(tmp_path):
+    table = pd.read_csv(DATA / "rig_65kmh.csv").iloc[:1200].rename(columns={"vehicle_speed_m_s": "belt"})
+    table["belt"] *= 3.6
+    table.to_csv(tmp_path / "rig.csv", index=False)
+    (tmp_path / "map.toml").write_text('vehicle_speed = "belt:km/h"\n')
+    arguments = [str(tmp_path / "rig.csv"), "--load", "2850", "--channels", str(tmp_path / "map.toml")]
+    done = CliRunner().invoke(app, ["identify", *arguments, "--out", str(tmp_path / "out")])
+    assert done.exit_code == 0, done.output
+    assert len(json.loads((tmp_path / "out" / "result.json").read_text())["segments"]) >= 1
 
 
 def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):

@@ -131,3 +131,29 @@ def test_one_empty_cell_among_good_ones_is_bridged(row, column, written, tmp_pat
         np.testing.assert_allclose(getattr(log, name), getattr(whole, name), atol=2e-3)
         missing = np.flatnonzero(~log.measured[name]).tolist()
         assert missing == ([row] if column in (own, "time_s") else [])
+
+
+damage = st.tuples(
+    st.integers(0, 10**6),
+    st.integers(0, 30),
+    st.sampled_from([b"", b",", b"\n", b'"', b"-", b"\xff", b"x", b";", b"0"]),
+)
+
+
+@QUICK
+@given(damages=st.lists(damage, min_size=1, max_size=5))
+def test_a_damaged_log_is_read_in_finite_numbers_or_refused_by_its_name(damages, tmp_path):
+    """Bytes taken out of a good log, and others put in their place."""
+    data = bytearray("\n".join([HEADER, *(",".join(c) for c in zip(*smooth_log().values()))]).encode())
+    for place, count, instead in damages:
+        at = place % len(data)
+        data[at : at + count] = instead
+    (tmp_path / "damaged.csv").write_bytes(data)
+    try:
+        log = read_log(tmp_path / "damaged.csv")
+    except LogError as error:
+        assert "damaged.csv" in str(error)
+        return
+    assert np.ptp(np.diff(log.time)) < 1e-3 * log.period
+    for name in log.signals:
+        assert np.isfinite(getattr(log, name)).all() and log.measured[name].shape == log.time.shape

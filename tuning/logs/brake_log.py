@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from tuning.logs.channel_map import COLUMNS, Choice, Source, checked, parse_columns, sources_of
+from tuning.logs.channel_map import BRAKING, COLUMNS, REQUIRED, Choice, Source, checked, parse_columns, sources_of
 from tuning.logs.checks import check_agreement, check_sampling, check_values
 from tuning.logs.grid import Signal, gaps_of, grid_of
 from tuning.logs.quality import Quality, quality_of
@@ -131,6 +131,7 @@ def reading(
     found, notes = sources_of(recording, checked(columns or {}), radius)
     sources = {source.signal: source for source in found}
     signals, left_out = signals_of(recording, found, radius)
+    signals, empty = _filled(path, signals)
     _check_size(path, sources, signals)
     signals = _windowed(path, signals, start, end)
     signals, signs = turned(signals, {name for name, source in sources.items() if source.choice.sign}, radius)
@@ -147,7 +148,7 @@ def reading(
         **grid.values,
         measured=grid.measured,
         resolution={signal.name: quality.resolution for signal, quality in zip(signals, qualities)},
-        notes=(*recording.notes, *notes, *left_out, *signs, *notes_on(path, signals, qualities, grid)),
+        notes=(*recording.notes, *notes, *left_out, *empty, *signs, *notes_on(path, signals, qualities, grid)),
         doubts=tuple(doubts_on(signals, qualities)),
     )
     log = _moving(path, log)
@@ -156,10 +157,17 @@ def reading(
     return Reading(log, sources, signals, qualities)
 
 
-def _check_size(path: Path, sources: Mapping[str, Source], signals: list[Signal]) -> None:
-    for signal in signals:
-        if signal.time.size < 2:
+def _filled(path: Path, signals: list[Signal]) -> tuple[list[Signal], list[str]]:
+    """Signals that have samples, and what was left out."""
+    empty = [signal for signal in signals if signal.time.size < 2]
+    filled = [signal for signal in signals if signal.time.size >= 2]
+    for signal in empty:
+        if signal.name in REQUIRED or not {kept.name for kept in filled} & set(BRAKING):
             raise LogError(f"{path}, column {signal.channel.name!r}: {signal.time.size} samples of {signal.name}")
+    return filled, [f"{signal.name}: column {signal.channel.name!r} is empty; left out" for signal in empty]
+
+
+def _check_size(path: Path, sources: Mapping[str, Source], signals: list[Signal]) -> None:
     most = max(signal.time.size for signal in signals)
     if most < FEWEST_SAMPLES:
         raise LogError(f"{path}: {most} samples, {FEWEST_SAMPLES} needed")

@@ -39,7 +39,7 @@ class Choice(Entries):
     """What a channel map says of a signal: value = sign factor (cell - offset) in the unit, at time - delay."""
 
     column: Text | None = None
-    """name of the channel; found by its names if missing"""
+    """name of the channel; found by its names if missing; empty: the signal is left out"""
     unit: Text | None = None
     """of the cells; as the file states it if missing"""
     sign: Literal[-1, 1, None] = None
@@ -170,6 +170,8 @@ def sources_of(
     for signal in COLUMNS:
         given = declared.get(signal)
         wanted = _choice(given) if isinstance(given, str) else given or Choice()
+        if wanted.column == "" and signal not in REQUIRED:
+            continue
         if wanted.column is not None:
             channel, wanted = _declared(recording, signal, wanted)
             recognised = False

@@ -21,7 +21,7 @@ LARGEST = {
 """Largest magnitude that is plausible, in which unit, and the unit a larger one suggests."""
 BACKWARDS = -0.5
 """Wheel speed below which a wheel turns backwards [rad/s]; less is the noise of a locked one."""
-RELEASED, FEWEST_ROLLING = 0.03, 20
+RELEASED, FEWEST_ROLLING = 0.03, 8
 """Share of the span of the pressure up to which the brake is released; samples of it from which a ratio is taken."""
 FITS, WELL, OFF = 0.02, 0.03, 0.05
 """By how much R w / v of a rolling wheel is off 1 with the right unit, without a word, and without another unit."""
@@ -53,7 +53,7 @@ def check_values(path: Path, signals: Sequence[Signal]) -> None:
         if name != "load" and np.ptp(values) == 0:
             raise LogError(
                 f"{path}, column {signal.channel.name!r}: {name} never changes from {values[0]:g}; "
-                "is the sensor connected?"
+                f"is the sensor connected? {name}= leaves it out"
             )
         if name == "brake_pressure" and np.median(values) < 0:
             raise LogError(

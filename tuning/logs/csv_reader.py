@@ -19,8 +19,8 @@ import pandas as pd
 from tuning.logs.recording import MISSING, LogError, Recording, table_recording
 from tuning.logs.units import is_unit
 
-LOOKED_AT = 500
-"""Lines from which separator and decimal sign are found."""
+LOOKED_AT = 300
+"""Lines at either end from which separator and decimal sign are found."""
 MARKS = ((b"\xef\xbb\xbf", "utf-8-sig"), (b"\xff\xfe", "utf-16"), (b"\xfe\xff", "utf-16"))
 COMMENT = ("#", "//", "%")
 NUMBER = {
@@ -51,7 +51,8 @@ def read_csv(path: Path) -> Recording:
     if not filled:
         raise LogError(f"{path}: the file is empty")
     plain = [i for i in filled if not lines[i].lstrip().startswith(COMMENT)]
-    dialect = _dialect([lines[i] for i in plain[:LOOKED_AT]])
+    looked_at = plain if len(plain) <= 2 * LOOKED_AT else plain[:LOOKED_AT] + plain[-LOOKED_AT:]
+    dialect = _dialect([lines[i] for i in looked_at])
     if dialect is None:
         if len(plain) == 1:
             raise LogError(f"{path}: a header and no samples")
@@ -94,7 +95,7 @@ def _lines(path: Path) -> list[str]:
     """The lines of a text; a last one that is empty is none."""
     data = path.read_bytes()
     marked = next((name for mark, name in MARKS if data.startswith(mark)), None)
-    if marked is None and len(data) > 3 and data[:400:2].count(0) + data[1:400:2].count(0) > 0.4 * min(len(data), 400):
+    if marked is None and data[:400].count(0) > 0.4 * len(data[:400]):
         marked = "utf-16-be" if data[0] == 0 else "utf-16-le"
     try:
         text = data.decode(marked or "utf-8")
@@ -133,8 +134,6 @@ def _dialect(lines: Sequence[str]) -> Dialect | None:
     for separator in (",", ";", "\t", "|", " "):
         table = [cells_of(line, separator) for line in lines]
         for decimal in (".", ","):
-            if separator == decimal:
-                continue
             data = [cells for cells in table if _is_data(cells, decimal)]
             if not data:
                 continue

@@ -15,7 +15,7 @@ from tuning.logs.car import read_car
 from tuning.logs.channel_map import declarations
 from tuning.logs.figures import description_figure
 from tuning.logs.grid import timing_of
-from tuning.logs.remarks import UNITS
+from tuning.logs.units import OWN
 
 
 def described(
@@ -56,7 +56,7 @@ def description(found: Reading) -> dict[str, Any]:
         signals[name] = {
             "column": source.channel.name,
             "column_unit": source.unit.text,
-            "unit": UNITS[name],
+            "unit": OWN[name],
             "samples": int(signal.time.size),
             "rate": 1 / timing.period,
             "jitter": timing.jitter,

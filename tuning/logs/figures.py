@@ -4,7 +4,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 from tuning.logs.brake_log import Reading
-from tuning.logs.remarks import UNITS
+from tuning.logs.units import OWN
 
 MOST_POINTS = 20000
 """Samples of a signal that are drawn as points."""
@@ -29,7 +29,7 @@ def description_figure(found: Reading):
         share = f"{log.measured[name].mean():.0%} measured"
         title = f"{name.replace('_', ' ')}: {signal.channel.name} in {unit.text}, {share}"
         axis.set_title(title, fontsize="small", loc="left", parse_math=False)
-        axis.set_ylabel(f"[{UNITS[name]}]")
+        axis.set_ylabel(f"[{OWN[name]}]")
         axis.grid(alpha=0.3)
         if not quality.trusted[quality.taken].all():
             axis.legend(fontsize="x-small", loc="upper right", markerscale=3)

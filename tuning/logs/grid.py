@@ -18,6 +18,8 @@ FINEST = 5e-4
 """Smallest step of the grid [s]."""
 LONGEST_GAP, GAP_PERIODS = 0.05, 5
 """Gaps up to the larger of so many seconds and periods are bridged."""
+DECIMALS = 12
+"""Of the time of the grid in s: instants that were printed come back as they were."""
 ON_GRID = 0.02
 """Share of a step by which samples on the grid may be off: what rounding of printed time leaves."""
 
@@ -116,7 +118,8 @@ def grid_of(signals: Sequence[Signal], qualities: Sequence[Quality]) -> Grid:
     step = fastest.period * max(1, int(np.ceil(FINEST / fastest.period * (1 - 1e-9))))
     start = max(signal.time[0] for signal in signals)
     end = min(signal.time[-1] for signal in signals)
-    time = start + step * np.arange(max(0, int(np.floor((end - start) / step + ON_GRID)) + 1))
+    count = max(0, int(np.floor((end - start) / step + ON_GRID)) + 1)
+    time = np.round(start + step * np.arange(count), DECIMALS)
     values, measured = {}, {}
     for signal, quality, timing in zip(signals, qualities, timings):
         place = _averaged if timing.period < 0.75 * step else _interpolated

@@ -14,6 +14,8 @@ FEWEST_CHANGES = 8
 """Changes from which a period of holding is concluded."""
 STILL = 8
 """Equal samples in a row that noise does not leave; also as a multiple of what is usual."""
+AROUND = 60
+"""Samples before and after a stretch in which noise is looked for."""
 DROP_RATE = {"wheel_speed": 1e4, "vehicle_speed": 150.0}
 """Rate of change that no wheel (rad/s^2) and no vehicle (m/s^2) reaches."""
 
@@ -71,7 +73,7 @@ def quality_of(signal: str, time: np.ndarray, values: np.ndarray) -> Quality:
     spikes = _spikes(told)
     kept[spikes] = False
     step, noise = lattice(told[kept]), noise_of(told[kept])
-    clipped, stuck = _still(signal, told, step, noise, kept)
+    clipped, stuck = _still(signal, told, kept)
     true = kept & ~np.isin(told, clipped)
     for first, last in stuck:
         true[first + 1 : last + 1] = False
@@ -82,7 +84,7 @@ def quality_of(signal: str, time: np.ndarray, values: np.ndarray) -> Quality:
         taken,
         trusted,
         held,
-        step if step > 0.5 * noise else 0.0,
+        step if step > 0.5 * noise and _recur(told[kept]) else 0.0,
         clipped,
         tuple((int(points[a]), int(points[b])) for a, b in stuck),
         points[spikes],
@@ -126,10 +128,8 @@ def held_points(values: np.ndarray, length: int) -> np.ndarray:
 
 
 def lattice(values: np.ndarray) -> float:
-    """Step of the lattice on which values lie, if they come back to its levels; 0 if they lie on none."""
+    """Step of the lattice on which values lie; 0 if they lie on none."""
     levels = np.unique(values)
-    if levels.size > 0.7 * values.size:
-        return 0.0
     gaps = np.diff(levels)
     gaps = gaps[gaps > 1e-9 * max(np.abs(levels).max(initial=0), 1e-300)]
     if gaps.size < 2:
@@ -141,6 +141,11 @@ def lattice(values: np.ndarray) -> float:
     return step if np.mean(off < 0.1 * step) > 0.95 else 0.0
 
 
+def _recur(values: np.ndarray) -> bool:
+    """Whether values come back: else their steps are those of the signal, not of a sensor."""
+    return np.unique(values).size < 0.7 * values.size
+
+
 def noise_of(values: np.ndarray) -> float:
     """Standard deviation of white noise, from second differences where the signal moves."""
     steps = np.diff(values)
@@ -149,15 +154,21 @@ def noise_of(values: np.ndarray) -> float:
     return float(np.median(np.abs(second)) / 0.6745 / np.sqrt(6)) if second.size else 0.0
 
 
-def _noisy(values: np.ndarray, step: float, noise: float) -> bool:
-    """Whether noise moves the signal from sample to sample, more than rounding does."""
-    second = np.diff(values, 2)
+def _noisy(values: np.ndarray, first: int, last: int) -> bool:
+    """Whether noise moves the signal from sample to sample around a stretch, more than rounding does.
+
+    Second differences of a smooth signal keep their sign, those of a rounded one are one or two steps.
+    """
+    second = np.concatenate(
+        [np.diff(values[max(0, first - AROUND) : first], 2), np.diff(values[last + 1 :][:AROUND], 2)]
+    )
+    second[np.abs(second) < 1e-9 * np.abs(values).max()] = 0.0
     turned = second[1:] * second[:-1]
-    turned = turned[turned != 0]
-    return bool(noise > 0.6 * step and turned.size and np.mean(turned < 0) > 0.5)
+    turned, size = turned[turned != 0], np.abs(second[second != 0])
+    return bool(turned.size and np.median(size) > 1.5 * size.min() and np.mean(turned < 0) > 0.5)
 
 
-def _still(signal: str, values, step: float, noise: float, kept):
+def _still(signal: str, values: np.ndarray, kept: np.ndarray):
     """Values at which a signal is clipped, and stretches in which it is stuck.
 
     Without noise a signal may stand still by itself; then only a jump at the end shows that it was stuck.
@@ -167,7 +178,6 @@ def _still(signal: str, values, step: float, noise: float, kept):
     long = np.flatnonzero(runs.length >= STILL * max(1.0, usual))
     if not long.size:
         return (), ()
-    noisy = _noisy(values, step, noise)
     moves = np.abs(np.diff(values))
     usual_move = float(np.quantile(moves[moves > 0], 0.99)) if np.any(moves > 0) else np.inf
     lowest, highest = values[kept].min(), values[kept].max()
@@ -177,6 +187,7 @@ def _still(signal: str, values, step: float, noise: float, kept):
         level = float(values[first])
         if not kept[first] or _at_rest(signal, level, lowest, highest, first == 0 or last == len(values) - 1):
             continue
+        noisy = _noisy(values, first, last)
         if noisy and level in (lowest, highest):
             clipped.add(level)
         elif noisy or (last + 1 < len(values) and moves[last] > 3 * usual_move):
@@ -189,7 +200,7 @@ def _at_rest(signal: str, level: float, lowest: float, highest: float, at_the_en
     if signal == "wheel_speed":
         return level <= 0.01 * highest
     near_zero = abs(level) <= 0.02 * max(abs(lowest), abs(highest))
-    return near_zero and (signal == "brake_pressure" or at_the_end)
+    return near_zero and (signal in ("brake_pressure", "vehicle_speed") or at_the_end)
 
 
 def _spikes(values: np.ndarray) -> np.ndarray:

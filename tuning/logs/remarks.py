@@ -7,18 +7,10 @@ import numpy as np
 
 from tuning.logs.grid import Grid, Signal, gaps_of, timing_of
 from tuning.logs.quality import Quality
+from tuning.logs.units import OWN
 
 COARSE, COARSE_SPEED = 0.01, 0.005
 """Share of the span of a signal, and of a speed, from which its quantisation is coarse: slip is a ratio of speeds."""
-UNITS = {
-    "wheel_speed": "rad/s",
-    "vehicle_speed": "m/s",
-    "brake_pressure": "bar",
-    "acceleration": "m/s^2",
-    "force": "N",
-    "load": "N",
-}
-"""Of the signals."""
 SHOWN = 3
 """Stretches of a kind that are named; the others are counted."""
 
@@ -53,7 +45,7 @@ def doubts_on(signals: Sequence[Signal], qualities: Sequence[Quality]) -> list[s
     """What looks wrong with signals and was not refused."""
     found = []
     for signal, quality in zip(signals, qualities):
-        name, unit = signal.name, UNITS[signal.name]
+        name, unit = signal.name, OWN[signal.name]
         for level in quality.clipped:
             share = np.mean(signal.values[quality.taken] == level)
             found.append((f"sits at {level:g} {unit} in {share:.0%} of its samples, as a clipped signal does", name))
