@@ -1,4 +1,4 @@
-"""Identification on random stops of a simulator of its own: `python -m tests.attack.identification [--logs N --seed S]`.
+"""Identification on random stops of a simulator of its own: `python -m tests.attack.identification`.
 
 For each kind of log: how often the number of surfaces is right, how often the truth lies in the 95 % intervals, how far
 peak frictions are off, and the verdicts.
@@ -116,7 +116,9 @@ def main() -> None:
         covered = ", ".join(f"{name} {100 * share:.0f}" for name, share in figures["inside"].items())
         print(f"{kind}: {len(records)} logs, {took:.1f} s each, surfaces right {100 * figures['surfaces right']:.0f} %")
         print(f"   truth inside [%]: {covered}; verdicts {figures['verdicts']}")
-        print(f"   peak off (median, 95 %, worst) {figures['peak error']}, peak slip {figures['slip error']}", flush=True)
+        print(
+            f"   peak off (median, 95 %, worst) {figures['peak error']}, peak slip {figures['slip error']}", flush=True
+        )
         if options.verbose:
             for number, (record, result) in enumerate(zip(records, results)):
                 show(number, record, result)
@@ -132,7 +134,15 @@ def show(number: int, record: Record, result: Identification | None) -> None:
     if wrong or max(off) > 0.01 or result.verdict != "sound":
         true = [f"{t:.2f} s {s.peak_friction:.3f}" for t, s in zip(record.truth.starts, surfaces)]
         seen = [f"{s.start:.2f} s {s.peak_friction:.3f}" for s in result.segments]
-        print("     ", number, true, seen, result.verdict, result.reasons, {k: q.value for k, q in result.quantities.items()})
+        print(
+            "     ",
+            number,
+            true,
+            seen,
+            result.verdict,
+            result.reasons,
+            {k: q.value for k, q in result.quantities.items()},
+        )
 
 
 if __name__ == "__main__":

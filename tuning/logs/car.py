@@ -1,8 +1,8 @@
 """A car from a file: wheel, load and brake as JSON, and how well each is known.
 
-A value is a number, or `{"value": 0.3, "sd": 0.002}` with its standard deviation; `"sd": 0` is certain. Beside the wheel's
-there may be the quantities of `tuning.logs.quantities`, and where the load changes while braking, where the centre of
-gravity lies: `wheelbase`, `cg_height`, `cg_to_front` [m] and the wheel's `axle`, "front" or "rear".
+A value is a number, or `{"value": 0.3, "sd": 0.002}` with its standard deviation; `"sd": 0` is certain. Beside the
+wheel's there may be the quantities of `tuning.logs.quantities`, and where the load changes while braking, where the
+centre of gravity lies: `wheelbase`, `cg_height`, `cg_to_front` [m] and the wheel's `axle`, "front" or "rear".
 """
 
 import dataclasses
@@ -78,7 +78,7 @@ class Axle:
 class Car:
     """What is known of a car before a log of it is seen."""
 
-    wheel: Wheel = Wheel()
+    wheel: Wheel = dataclasses.field(default_factory=Wheel)
     spreads: Mapping[str, float] = dataclasses.field(default_factory=dict)
     """standard deviations, where they are given"""
     values: Mapping[str, float] = dataclasses.field(default_factory=dict)

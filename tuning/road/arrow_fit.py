@@ -13,7 +13,9 @@ import numpy as np
 
 MOST_ITERATIONS = 60
 LARGEST_LEVERAGE = 0.8
-LARGEST_SLOPE = 1e100
+NOTHING, UNKNOWN = 1e-200, 1e12
+"""Information that is none, and the variance of a parameter that has none."""
+LARGEST_SLOPE = 1e50
 """A step after which derivatives are larger, or no numbers, is not made."""
 RIDGE = 1e-10
 """Of its diagonal, added to what is known of a lane's own state: two states that look alike have an inverse still."""
@@ -80,7 +82,7 @@ def arrow_fit(
     damping, converged, iterations = 1e-4, False, 0
     residual, by_shared, by_own = evaluate(shared, own)
     cost = _cost(residual, shared, prior)
-    if not np.isfinite(cost):
+    if not (np.isfinite(cost) and _moderate(by_shared, by_own)):
         nothing = np.full((len(shared), len(shared)), np.inf)
         return Fit(shared, own, np.nan_to_num(residual), nothing, 1.0, np.inf, 0, False)
     while iterations < MOST_ITERATIONS and not converged:
@@ -94,7 +96,7 @@ def arrow_fit(
         own_step = -np.einsum("lij,lj->li", own_inverse, own_vector + np.einsum("lpj,p->lj", cross, step))
         trial = evaluate(trial_shared, own + own_step)
         trial_cost = _cost(trial[0], trial_shared, prior)
-        if trial_cost <= cost and all(np.abs(slopes).max(initial=0.0) < LARGEST_SLOPE for slopes in trial[1:]):
+        if trial_cost <= cost and _moderate(*trial[1:]):
             gain = (cost - trial_cost) / max(cost, 1e-300)
             shared, own, cost = trial_shared, own + own_step, trial_cost
             residual, by_shared, by_own = trial
@@ -107,6 +109,11 @@ def arrow_fit(
     return Fit(shared, own, residual, covariance, inflation, cost, iterations, converged)
 
 
+def _moderate(*slopes: np.ndarray) -> bool:
+    """Whether derivatives are numbers that can be squared."""
+    return all(np.abs(some).max(initial=0.0) < LARGEST_SLOPE for some in slopes)
+
+
 def _cost(residual, shared, prior: Prior) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.sum(residual**2) + np.sum(prior.residual(shared) ** 2))
@@ -114,9 +121,12 @@ def _cost(residual, shared, prior: Prior) -> float:
 
 def _solved(matrix, vector, damping):
     """Solution of the damped system on the scales of its diagonal; in a direction that is not determined, none."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    scaled = matrix / np.outer(scale, scale) + damping * np.eye(len(scale))
-    return np.linalg.lstsq(scaled, vector / scale, rcond=1e-13)[0] / scale
+    told = np.diag(matrix) > NOTHING
+    scale = np.sqrt(np.diag(matrix)[told])
+    scaled = matrix[np.ix_(told, told)] / np.outer(scale, scale) + damping * np.eye(len(scale))
+    solution = np.zeros(len(vector))
+    solution[told] = np.linalg.lstsq(scaled, vector[told] / scale, rcond=1e-13)[0] / scale
+    return solution
 
 
 def _reduced(residual, by_shared, by_own, damping):
@@ -147,15 +157,20 @@ def _covariance(residual, by_shared, by_own, prior: Prior):
         return bread, 1.0
     # A lane that pulls hard leaves less of its own error in the residual (Bell and McCaffrey 2002).
     leverage = np.einsum("lnp,pq,lnq->l", projected, bread, projected, optimize=True) / level
-    scores = scores / (1 - np.minimum(leverage, LARGEST_LEVERAGE))[:, None]
+    scores = scores / np.sqrt(1 - np.minimum(leverage, LARGEST_LEVERAGE))[:, None]
     meat = scores.T @ scores / level**2
     robust = bread @ (meat + np.diag(prior.information)) @ bread
-    ratio = np.maximum(np.diag(robust), 1e-300) / np.maximum(np.diag(bread), 1e-300)
-    raised = np.sqrt(np.maximum(1 / ratio, 1.0))
+    told = np.diag(robust) > NOTHING
+    ratio = np.diag(robust)[told] / np.diag(bread)[told]
+    raised = np.ones(len(told))
+    raised[told] = np.sqrt(np.maximum(1 / ratio, 1.0))
     return robust * np.outer(raised, raised), float(np.mean(np.maximum(ratio, 1.0)))
 
 
 def _inverse(matrix):
-    """Of a symmetric matrix, on the scales of its diagonal."""
-    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    return np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-14, hermitian=True) / np.outer(scale, scale)
+    """Of a symmetric matrix, on the scales of its diagonal; what nothing is known of has the variance `UNKNOWN`."""
+    told = np.diag(matrix) > NOTHING
+    scale = np.where(told, np.sqrt(np.where(told, np.diag(matrix), 1.0)), 1.0)
+    inverse = np.linalg.pinv(matrix / np.outer(scale, scale), rcond=1e-14, hermitian=True) / np.outer(scale, scale)
+    inverse[~told, ~told] = UNKNOWN
+    return inverse

@@ -5,6 +5,7 @@ follows from running sums; over a grid of c2 it costs the same for every stretch
 when it lowers Schwarz's criterion, and the sum of squares by a share worth the name.
 """
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import jax.numpy as jnp
@@ -85,10 +86,10 @@ def find_stretches(samples: FrictionSamples, most: int = 6) -> list[Stretch]:
     best = _partitions(sums, knots, shortest, most)
     chosen = [0, size]
     for cuts in best[1:]:
-        fewer, more = (sum(sums.stretch(a, b).residual for a, b in zip(c, c[1:])) for c in (chosen, cuts))
+        fewer, more = (sum(sums.stretch(a, b).residual for a, b in pairwise(c)) for c in (chosen, cuts))
         if size * np.log(fewer / more) > 4 * np.log(size) * (len(cuts) - len(chosen)) and fewer >= SMALLEST_GAIN * more:
             chosen = _moved(sums, cuts, stride, shortest)
-    return [sums.stretch(a, b) for a, b in zip(chosen, chosen[1:])]
+    return [sums.stretch(a, b) for a, b in pairwise(chosen)]
 
 
 def _partitions(sums: _Sums, knots: np.ndarray, shortest: int, most: int) -> list[list[int]]:

@@ -1,4 +1,4 @@
-"""What a log says before any curve is fitted: whether it brakes, how the load goes, what holds while the wheel rolls."""
+"""What a log says before any curve is fitted: whether it brakes, how the load goes, what a rolling wheel tells."""
 
 import dataclasses
 
@@ -74,8 +74,8 @@ def require_braking(log: BrakeLog, radius: float) -> None:
             "" if log.brake_pressure is None else f", pressure at most {np.quantile(log.brake_pressure, 0.99):.3g} bar"
         )
         raise LogError(
-            f"{log.name}: the log holds no braking to identify a road from: deceleration at most {strongest:.2g} m/s^2, "
-            f"slip within {slip:.3f}{pressed}"
+            f"{log.name}: the log holds no braking to identify a road from: deceleration at most "
+            f"{strongest:.2g} m/s^2, slip within {slip:.3f}{pressed}"
         )
 
 

@@ -57,7 +57,7 @@ def fit_curve(curve: Curve, ratio, friction, slip_noise, start, *, radius: Prior
         stiffness = np.asarray(_model(curve, jnp.asarray(shared[:size]), jnp.asarray(shared[size] * ratio - 1))[2])
         weight = 1 / np.sqrt(noise**2 + (stiffness * slip_noise) ** 2)
 
-        def evaluate(some, own, weight=weight):
+        def evaluate(some, own, weight=weight, shared=shared):
             point = shared.copy()
             point[free] = some
             given = jnp.asarray(point[:size]), jnp.asarray(point[size] * ratio - 1)

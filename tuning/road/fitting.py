@@ -4,10 +4,11 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
+from scipy.stats import t as student
 
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.car import Car
-from tuning.logs.quantities import KINDS, Quantity
+from tuning.logs.quantities import KINDS, Z95, Quantity
 from tuning.road.arrow_fit import Fit, Prior
 from tuning.road.changes import Stretch, find_stretches, refine_change
 from tuning.road.conditions import Start
@@ -34,10 +35,13 @@ ZERO_SHARE = 0.003
 """Of the load, by which the balance of a wheel is off at the least."""
 LEAST_SHARE = 0.1
 """Of what a quantity of the wheel is known as: it may not be less."""
+DISTINCT = 0.25
+"""The same share from which nobody asks whether one curve would do."""
 DRIVING = 0.02
 """Slip from which a wheel counts as driven."""
 FEWEST_DRIVING = 200
-FEWEST_INTERVALS = 3
+FEWEST_INTERVALS = 4
+"""Shooting intervals of a surface; shorter ones go to a neighbour."""
 Say = Callable[[str], None]
 
 
@@ -53,6 +57,7 @@ class FittedStretch:
     """(coefficients,)"""
     covariance: np.ndarray
     """(coefficients, coefficients)"""
+    peak_friction: float
     largest_slip: float
     residual_rms: float
     """over the noise of the channels themselves"""
@@ -115,7 +120,8 @@ def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fi
                 start=edges[i],
                 end=edges[i + 1],
                 coefficients=coefficients[i],
-                covariance=fit.covariance[block, block],
+                covariance=fit.covariance[block, block] * _few(int(np.any(alone.weight > 0, axis=(1, 2)).sum()) - size),
+                peak_friction=_peak(curve, coefficients[i]),
                 largest_slip=_largest(samples.slip[inside]),
                 residual_rms=float(np.sqrt(np.mean(np.square(rms)))) if rms else 0.0,
                 samples=int(inside.sum()),
@@ -221,7 +227,7 @@ def _fit(problem: Shooting, surfaces: int, shared, own, start: Start, car: Car, 
 
 
 def _values(shared: np.ndarray, start: Start) -> dict[str, float]:
-    found = dict(zip(CAR, map(float, shared[len(shared) - SHARED :])))
+    found: dict[str, float] = dict(zip(CAR, map(float, shared[len(shared) - SHARED :])))
     found["speed_delay"] += start.values["speed_delay"]
     return found
 
@@ -233,20 +239,19 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
         coefficients = fit.shared[: len(stretches) * size].reshape(-1, size)
         best = None
         for i in range(len(stretches) - 1):
-            fewer = [*stretches[:i], _joined(stretches[i], stretches[i + 1]), *stretches[i + 2 :]]
-            longer = stretches[i] if _length(stretches[i]) >= _length(stretches[i + 1]) else stretches[i + 1]
-            keep = i if longer is stretches[i] else i + 1
-            guesses = [*coefficients[:i], coefficients[keep], *coefficients[i + 2 :]]
-            labels = np.where(problem.surface > i, problem.surface - 1, problem.surface)
-            other = problem._replace(surface=labels)
-            alone = np.isin(problem.surface, (i, i + 1))
             intervals = [int(np.any(problem.weight[problem.surface == k] > 0, axis=(1, 2)).sum()) for k in (i, i + 1)]
+            seen = min(_reached(problem, k) for k in (i, i + 1))
+            apart = _apart(curve, coefficients[i], coefficients[i + 1], seen)
+            if apart > DISTINCT and min(intervals) >= FEWEST_INTERVALS:
+                continue
+            fewer = [*stretches[:i], _joined(stretches[i], stretches[i + 1]), *stretches[i + 2 :]]
+            keep = i if _length(stretches[i]) >= _length(stretches[i + 1]) else i + 1
+            guesses = [*coefficients[:i], coefficients[keep], *coefficients[i + 2 :]]
+            other = problem._replace(surface=np.where(problem.surface > i, problem.surface - 1, problem.surface))
             shared = np.concatenate([*guesses, fit.shared[len(fit.shared) - SHARED :]])
             again = _fit(other, len(guesses), shared, fit.own, start, car, free)
-            penalty = fit.inflation * (size + 1) * np.log(max(int(np.count_nonzero(problem.weight[alone])), 2))
-            slips = -np.linspace(0.0, 0.3, 61)
-            pair = [np.asarray(curve.tyre(map(float, c)).friction(slips)) for c in coefficients[i : i + 2]]
-            apart = np.abs(pair[0] - pair[1]).max() / np.abs(pair).max()
+            points = int(np.count_nonzero(problem.weight[np.isin(problem.surface, (i, i + 1))]))
+            penalty = fit.inflation * (size + 1) * np.log(max(points, 2))
             needless = again.cost - fit.cost < penalty or apart < MATERIAL or min(intervals) < FEWEST_INTERVALS
             if needless and (best is None or again.cost < best[1].cost):
                 best = fewer, again, other
@@ -254,6 +259,20 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
             break
         stretches, fit, problem = best
     return stretches, fit, problem
+
+
+def _reached(problem: Shooting, surface: int) -> float:
+    """Largest slip of the intervals of a surface, about."""
+    lanes = problem.index[(problem.surface == surface) & np.any(problem.weight > 0, axis=(1, 2))]
+    slip = problem.radius * problem.log.wheel_speed[lanes] / problem.log.vehicle_speed[lanes] - 1
+    return _largest(slip.ravel())
+
+
+def _apart(curve: Curve, one, other, seen: float) -> float:
+    """How far two curves are apart up to the slip that both have seen, as a share of the larger friction there."""
+    slips = -np.linspace(0.0, max(seen, 0.01), 61)
+    pair = [np.asarray(curve.tyre(map(float, c)).friction(slips)) for c in (one, other)]
+    return float(np.abs(pair[0] - pair[1]).max() / np.abs(pair).max())
 
 
 def _joined(first: Stretch, second: Stretch) -> Stretch:
@@ -285,6 +304,15 @@ def _quantities(fit: Fit, start: Start, car: Car, first: int) -> dict[str, Quant
     return found
 
 
+def _peak(curve: Curve, coefficients: np.ndarray) -> float:
+    return float(curve.tyre(map(float, coefficients)).peak().friction)
+
+
+def _few(freedom: int) -> float:
+    """By how much variances are raised since they come from few intervals: Student's quantile over the normal one."""
+    return float((student.ppf(0.975, max(freedom, 3)) / Z95) ** 2)
+
+
 def _largest(slip: np.ndarray) -> float:
     return float(np.quantile(np.abs(slip), 0.999)) if len(slip) else 0.0
 
@@ -300,7 +328,7 @@ def fitted_by_curve(curve: Curve, start: Start, car: Car, say: Say) -> Fitted:
     signal = "force" if log.force is not None else "acceleration"
     samples = samples_as_fitted(start, car, values)[1]
     told = np.flatnonzero(measured(log, signal) & measured(log, "wheel_speed") & (log.wheel_speed > 0))
-    some = FrictionSamples(*(part[told] for part in samples[:3]), samples.source)
+    some = FrictionSamples(samples.time[told], samples.slip[told], samples.friction[told], samples.source)
     sides = {"braking": some.slip < 0.5 * DRIVING, "driving": some.slip > -0.5 * DRIVING}
     swept = (some.slip > DRIVING).sum() >= FEWEST_DRIVING
     if swept:
@@ -377,6 +405,7 @@ def _curve(curve: Curve, log, friction, slip_noise, stretch, inside, side, car: 
         end=float(log.time[inside[-1]]),
         coefficients=best.shared[:size],
         covariance=best.covariance[:size, :size],
+        peak_friction=_peak(curve, best.shared[:size]),
         largest_slip=_largest(best.shared[size] * ratio - 1),
         residual_rms=float(np.sqrt(np.mean(best.residual**2))),
         samples=len(inside),

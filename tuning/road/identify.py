@@ -52,8 +52,8 @@ class Segment:
         statements: in words, what it does not say, and why.
         method: 'curve fit' or 'output error'.
         largest_slip: largest magnitude of slip reached.
-        residual_rms: of the residuals over the noise that the channels have by themselves; near 1 when noise is all that
-            is left.
+        residual_rms: of the residuals, over the noise that the channels have by themselves; near 1 when noise is all
+            that is left.
         samples: used.
         kind: name of the tyre curve, in `absjax.tyres.TYRES`, or `package.module:Class`.
         side: 'braking' or 'driving': on which side of zero the slip of the samples is.

@@ -146,6 +146,8 @@ class Shooting(NamedTuple):
     """of the outputs, 1 / noise where measured and 0 where not, (lanes, samples, 3)"""
     share: np.ndarray
     """load over its nominal value, (samples of the log,)"""
+    radius: float
+    """about that of the wheel, m"""
     middle: float
     """time about which an imposed speed drifts, s"""
 
@@ -157,7 +159,7 @@ class Shooting(NamedTuple):
         return inside
 
     def evaluate(self, surfaces: int):
-        """`(shared, own) -> residual, by shared, by own` for `arrow_fit`; shared: surfaces x coefficients, then `CAR`."""
+        """`(shared, own) -> residual, by shared, by own` for `arrow_fit`."""
         log, size, period = self.log, len(self.curve.names), self.log.period
         substeps = max(1, math.ceil(period / LONGEST_STEP - 1e-9))
         assert log.brake_pressure is not None
@@ -274,7 +276,7 @@ def shooting(
             weight[..., i] = measured(log, name)[table] / noise_of(log, name, inside)
     weight[lanes - filling :] = 0.0
     nominal = np.ones(len(log.time)) if share is None else share
-    return Shooting(log, curve, share is not None, table, np.array(surface), weight, nominal, middle)
+    return Shooting(log, curve, share is not None, table, np.array(surface), weight, nominal, radius, middle)
 
 
 def fit_output_error(problem: Shooting, shared: np.ndarray, own: np.ndarray, *, lower: np.ndarray, prior: Prior) -> Fit:

@@ -15,8 +15,8 @@ from tuning.logs.brake_log import BrakeLog
 DELAYS = np.arange(-0.05, 0.4, 2.5e-3)
 """Grid of d [s]."""
 BIAS, USUAL = 0.25, 0.1
-"""Standard deviation of the bias, of accelerometer and slope, before the log is seen [m/s^2]; a usual delay, and how far
-others are off it [s]."""
+"""Standard deviation of the bias, of accelerometer and slope, before the log is seen [m/s^2]; a usual delay, and how
+far others are off it [s]."""
 BEGINNING = 0.03
 """What a log begins with [s]."""
 FIRST_NOISE = 0.05
@@ -73,12 +73,15 @@ def motion_of(log: BrakeLog) -> Motion | None:
         known = (solution[1] * noise / BIAS) ** 2 + ((delay - USUAL) * noise / USUAL) ** 2
         return float((np.sum(miss**2) + known) / len(at)), solution, then, miss
 
-    noise = FIRST_NOISE
-    for _ in range(2):
+    def searched():
         costs = np.array([fitted(delay)[0] for delay in DELAYS])
         best = int(np.argmin(costs))
-        delay, spread = float(DELAYS[best]), np.inf
-        noise = max(float(np.sqrt(np.mean(fitted(delay)[3] ** 2))), 1e-4)
+        return costs, best, max(float(np.sqrt(np.mean(fitted(DELAYS[best])[3] ** 2))), 1e-4)
+
+    noise = FIRST_NOISE
+    noise = searched()[2]
+    costs, best, noise = searched()
+    delay, spread = float(DELAYS[best]), np.inf
     if 0 < best < len(DELAYS) - 1:
         bend = costs[best - 1] - 2 * costs[best] + costs[best + 1]
         step = DELAYS[1] - DELAYS[0]

@@ -67,7 +67,7 @@ def judged(log: BrakeLog, car: Car, start: Start, fitted: "Fitted") -> tuple[str
         )
     strongest = float(np.quantile(deceleration_of(log), 0.99)) / 9.81
     if fitted.imposed and fitted.method == "output error" and start.motion is not None:
-        peak = max(_peak(fitted))
+        peak = max(stretch.peak_friction for stretch in fitted.stretches)
         if peak > BEYOND * strongest + 0.05:
             doubts.append(
                 f"the curve reaches a friction of {peak:.3g}, yet the vehicle never decelerates by more than "
@@ -76,16 +76,6 @@ def judged(log: BrakeLog, car: Car, start: Start, fitted: "Fitted") -> tuple[str
     if refutations:
         return REFUTED, [*refutations, *doubts]
     return (DOUBTFUL if doubts else SOUND), doubts
-
-
-def _peak(fitted: "Fitted") -> list[float]:
-    from absjax.tyres.burckhardt import Burckhardt
-
-    return [
-        float(Burckhardt(*map(float, s.coefficients)).peak().friction)
-        for s in fitted.stretches
-        if len(s.coefficients) == 3
-    ] or [0.0]
 
 
 def _mended_by(name: str, fitted: "Fitted") -> str:
@@ -104,7 +94,7 @@ def _force_over_torque(log: BrakeLog, car: Car, fitted: "Fitted") -> float | Non
     if log.force is None or log.brake_pressure is None:
         return None
     log, wheel = corrected(log, {name: q.value for name, q in fitted.quantities.items()}), car.wheel
+    assert log.force is not None and log.brake_pressure is not None
     torque = float(wheel.inertia) * rate_of(log, log.wheel_speed) + float(wheel.brake_efficiency) * log.brake_pressure
     asked = -torque / float(wheel.radius)
-    assert log.force is not None
     return float(asked @ log.force / (asked @ asked)) if asked @ asked > 0 else None
