@@ -165,7 +165,7 @@ class Shooting(NamedTuple):
         assert log.brake_pressure is not None
         pressure, rate = log.brake_pressure, rate_of(log, log.vehicle_speed, smoothing=SMOOTHING)
         told = [getattr(log, name) for name in OUTPUTS]
-        zeros, clock = np.zeros(len(log.time)), log.time - self.middle
+        zeros, clock = np.zeros(len(log.time)), (log.time - self.middle)[self.index].mean(axis=1)
         lanes, states = len(self.index), 1 if self.imposed else 2
         acceleration = zeros if log.acceleration is None else log.acceleration
 
@@ -173,16 +173,17 @@ class Shooting(NamedTuple):
             car = dict(zip((*CAR, *NUISANCE), shared[surfaces * size :]))
             coefficients = shared[: surfaces * size].reshape(surfaces, size)[self.surface]
             lag, delay = car["pressure_lag"], car["speed_delay"]
-            acting, small = lagged(pressure, period, lag), 1e-5
+            acting, small = lagged(pressure, period, lag), 1e-7
             by_lag = (lagged(pressure, period, lag + small) - acting) / small
             # Interpolated between samples, noise would average out, and that would look like a better delay.
-            speed = log.vehicle_speed + delay * rate + car["speed_offset"] + car["speed_drift"] * clock
+            speed = (log.vehicle_speed + delay * rate)[self.index]
+            speed = speed + car["speed_offset"] + car["speed_drift"] * clock[:, None]
             of_lanes = [car[name] for name in CAR[:5]] + [0.0, car["slope"], 0.0]
             points = np.concatenate([coefficients, np.tile(of_lanes, (lanes, 1))], axis=1)
-            given = (x[self.index] for x in (acting, by_lag, self.share, speed))
+            given = (*(x[self.index] for x in (acting, by_lag, self.share)), speed)
             arguments = map(jnp.asarray, (points, own, *given))
             values, slopes = map(np.asarray, _linearised(self.curve, self.imposed, substeps, *arguments, period))
-            measurements = np.stack([told[0], speed, acceleration], axis=-1)[self.index]
+            measurements = np.stack([told[0][self.index], speed, acceleration[self.index]], axis=-1)
             bias = np.array([0.0, 0.0, car["acceleration_bias"]])
             with np.errstate(over="ignore", invalid="ignore"):
                 residual = np.where(self.weight > 0, (values + bias - measurements) * self.weight, 0.0)
@@ -196,7 +197,7 @@ class Shooting(NamedTuple):
             by_shared[..., 1, surfaces * size + 8] = -rate[self.index]
             by_offset = slopes[..., size + OF_LANE - 1] if self.imposed else -np.array([0.0, 1.0, 0.0])
             by_shared[..., surfaces * size + 9] = by_offset
-            by_shared[..., surfaces * size + 10] = by_offset * clock[self.index][..., None]
+            by_shared[..., surfaces * size + 10] = by_offset * clock[:, None, None]
             by_shared *= self.weight[..., None]
             by_own = slopes[..., size + OF_LANE : size + OF_LANE + states] * self.weight[..., None]
             return residual.reshape(lanes, n), by_shared.reshape(lanes, n, -1), by_own.reshape(lanes, n, -1)
