@@ -1,7 +1,7 @@
 """Mutated brake logs through the identification: `python -m tests.fuzz.identify [--logs N --seed S]`.
 
-Each is read right, refused by name, or comes with a verdict; what is silently wrong, ends in a traceback or does not end
-within a minute is printed.
+Each is read right, refused by name, or comes with a verdict; what is silently wrong, ends in a traceback or does not
+end within a minute is printed.
 """
 
 import argparse
@@ -32,7 +32,7 @@ def near(result) -> bool:
 
 
 def outcome(name: str, seed: int, folder: Path) -> str:
-    """'right', 'refused', 'doubtful' or 'refuted'; 'silent', 'wrongly refused' or 'traceback' where it should not be."""
+    """'right', 'refused', 'doubtful', 'refuted'; else 'silent', 'wrongly refused' or 'traceback', and what was seen."""
     made = mutant(name, seed)
     path = made.written(folder)
     kinds = {answer[0] for answer in made.answers}

@@ -35,6 +35,8 @@ ZERO_SHARE = 0.003
 """Of the load, by which the balance of a wheel is off at the least."""
 LEAST_SHARE = 0.1
 """Of what a quantity of the wheel is known as: it may not be less."""
+SMALLEST_PEAK_SLIP = 2e-3
+"""No tyre has its peak at less: a curve that has it there was fitted to something else."""
 DISTINCT = 0.25
 """The same share from which nobody asks whether one curve would do."""
 DRIVING = 0.02
@@ -242,7 +244,9 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
             intervals = [int(np.any(problem.weight[problem.surface == k] > 0, axis=(1, 2)).sum()) for k in (i, i + 1)]
             seen = min(_reached(problem, k) for k in (i, i + 1))
             apart = _apart(curve, coefficients[i], coefficients[i + 1], seen)
-            if apart > DISTINCT and min(intervals) >= FEWEST_INTERVALS:
+            strange = min(_peak_slip(curve, coefficients[k]) for k in (i, i + 1)) < SMALLEST_PEAK_SLIP
+            short = min(intervals) < FEWEST_INTERVALS
+            if apart > DISTINCT and not (strange or short):
                 continue
             fewer = [*stretches[:i], _joined(stretches[i], stretches[i + 1]), *stretches[i + 2 :]]
             keep = i if _length(stretches[i]) >= _length(stretches[i + 1]) else i + 1
@@ -252,7 +256,7 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
             again = _fit(other, len(guesses), shared, fit.own, start, car, free)
             points = int(np.count_nonzero(problem.weight[np.isin(problem.surface, (i, i + 1))]))
             penalty = fit.inflation * (size + 1) * np.log(max(points, 2))
-            needless = again.cost - fit.cost < penalty or apart < MATERIAL or min(intervals) < FEWEST_INTERVALS
+            needless = again.cost - fit.cost < penalty or apart < MATERIAL or strange or short
             if needless and (best is None or again.cost < best[1].cost):
                 best = fewer, again, other
         if best is None:
@@ -306,6 +310,10 @@ def _quantities(fit: Fit, start: Start, car: Car, first: int) -> dict[str, Quant
 
 def _peak(curve: Curve, coefficients: np.ndarray) -> float:
     return float(curve.tyre(map(float, coefficients)).peak().friction)
+
+
+def _peak_slip(curve: Curve, coefficients: np.ndarray) -> float:
+    return float(curve.tyre(map(float, coefficients)).peak().slip)
 
 
 def _few(freedom: int) -> float:

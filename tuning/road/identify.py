@@ -21,6 +21,7 @@ from tuning.logs.tables import LogError
 from tuning.road import conditions, verdict
 from tuning.road.curve import Curve
 from tuning.road.fitting import (
+    SMALLEST_PEAK_SLIP,
     Fitted,
     FittedStretch,
     fitted_by_curve,
@@ -263,7 +264,10 @@ def _identifiability(curve: Curve, value, width, largest: float) -> tuple[dict[s
         known = bool(np.isfinite(width[name]) and width[name] <= LARGEST_RELATIVE_WIDTH * abs(value[name]))
         if abs(value[name]) < NEGLIGIBLE:
             known = bool(width[name] < ABSOLUTE_WIDTH)
-        if name in (*curve.kind.beyond_peak, *PEAK) and not passed:
+        if value["peak_slip"] < SMALLEST_PEAK_SLIP:
+            known = False
+            statements.append(f"{name} is not identifiable: the friction seen does not rise with the slip")
+        elif name in (*curve.kind.beyond_peak, *PEAK) and not passed:
             known = False
             statements.append(
                 f"{name} is not identifiable: slip reached {largest:.3f} and never passed the peak, "

@@ -24,11 +24,12 @@ from scipy.signal import lfilter
 
 from absjax.plant.wheel import GRAVITY
 from tuning.logs.brake_log import BrakeLog
+from tuning.logs.tables import LogError
 from tuning.road.arrow_fit import Fit, Prior, arrow_fit
 from tuning.road.curve import Curve
 from tuning.road.noise import noise_of
 from tuning.road.samples import rate_of
-from tuning.road.vehicle_speed import measured
+from tuning.road.vehicle_speed import interval_of, measured
 
 INTERVAL, FEWEST = 0.05, 12
 """Length of a shooting interval [s]; samples it has at least."""
@@ -248,8 +249,12 @@ def shooting(
         share: load over its nominal value, (samples,), where it changes or the vehicle's speed is imposed; None: the
             quarter car.
         middle: time about which an imposed speed drifts [s].
+
+    Raises:
+        LogError: if there is no interval with enough measurements.
     """
-    length = max(FEWEST, round(INTERVAL / log.period))
+    rarely = (FEWEST_MEASURED + 1) * interval_of(log, "wheel_speed")
+    length = max(FEWEST, round(max(INTERVAL, rarely) / log.period))
     slipping = radius * log.wheel_speed / log.vehicle_speed > LOCKED
     turning = measured(log, "wheel_speed")
     index, surface = [], []
@@ -265,6 +270,11 @@ def shooting(
             if inside[lane].all() and slipping[lane].all():
                 index.append(lane)
                 surface.append(number)
+    if not index:
+        raise LogError(
+            f"{log.name}: nowhere {length * log.period:.2g} s with {FEWEST_MEASURED} measurements of the speed of a "
+            "turning wheel, on one surface; the output error needs them"
+        )
     lanes = max(BUCKET, -(-len(index) // BUCKET) * BUCKET)
     filling = lanes - len(index)
     index += [np.arange(length + 1)] * filling

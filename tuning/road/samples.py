@@ -9,8 +9,8 @@ from absjax.plant.wheel import GRAVITY, Wheel
 from tuning.logs.brake_log import BrakeLog
 from tuning.road.vehicle_speed import longest_gap
 
-LONGEST_GAP = 0.08
-"""Time without a measurement [s], as while a sensor is clipped, from which an acceleration is not made friction of."""
+LONGEST_GAP = 0.03
+"""Time without a measurement [s], of a slow sensor or a clipped one, from which its acceleration gives no friction."""
 SMOOTHING = 0.021
 """Window of the smoothing differentiator [s]."""
 
