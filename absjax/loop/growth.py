@@ -23,8 +23,9 @@ def growth(loop: ClosedLoop | SampledLoop, speed: Any, **options: Any):
     of the rollout, exactly, but holds over a range that shrinks as it grows, and a finite change gives something else.
 
     Args:
-        loop, speed: as in `absjax.loop.stop.stop`; scalar or (lanes,).
-        options: as there.
+        loop: as in `absjax.loop.stop.stop`.
+        speed: likewise, scalar or (lanes,).
+        options: likewise.
 
     Returns:
         The growth, scalar or (lanes,). See `is_unstable`.
