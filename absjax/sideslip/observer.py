@@ -21,7 +21,7 @@ from absjax.sideslip.accelerometer import BodyAccelerometer
 from absjax.sideslip.base import Estimate, Insight
 from absjax.sideslip.car import Car, CarSample
 from absjax.sideslip.choice import PublishedXi, XiRule, scaling
-from absjax.sideslip.forces import forces
+from absjax.sideslip.forces import Forces, forces
 from absjax.sideslip.friction import MonotoneFriction, TanhFriction
 from absjax.sideslip.longitudinal import LongitudinalSpeed, WheelSpeeds
 from absjax.sideslip.monitor import Monitor, ScaledMonitor
@@ -82,7 +82,7 @@ class SideSlipObserver:
         vx = jnp.mean(sample.wheel_speed) * car.radius
         zero = 0.0 * vx
         theta = self.start + zero
-        found = self._forces(car, (vx, zero, sample.yaw_rate), level)
+        found = self.forces(car, (vx, zero, sample.yaw_rate), level)
         share = self.monitor.share(found, vx, self._stiffness(zero))
         return SideSlipState(
             vx,
@@ -100,7 +100,7 @@ class SideSlipObserver:
         level, gravity = self._corrected(state.offsets, self.accelerometer.level(sample))
         vx, vy, r, theta = state[:4]
         ay, yaw_error = level.lateral_acceleration, level.yaw_rate - r
-        found = self._forces(car, (vx, vy, r), level)
+        found = self.forces(car, (vx, vy, r), level)
         expected, measured = theta * found.lateral, car.mass * ay
         xi = self.rule.xi(found.lateral_slope, found.lateral, expected, measured)
         scale, residual = scaling(xi, found.lateral), measured - expected
@@ -134,7 +134,8 @@ class SideSlipObserver:
         )
         return after, Estimate(vx, vy, r, theta), insight
 
-    def _forces(self, car, velocity, level):
+    def forces(self, car: Car, velocity, level: CarSample) -> Forces:
+        """Forces at theta = 1 of velocities (vx, vy, r) and a sample with accelerations along the road."""
         loads = car.loads(level.longitudinal_acceleration, level.lateral_acceleration)
         return forces(self.friction_model, car, velocity, level.steering_angle, level.wheel_speed, loads)
 
