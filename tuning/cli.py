@@ -1,4 +1,4 @@
-"""The command line: identify a road, tune anti-lock control, observers, the encoder chain, and study each."""
+"""The command line: identify a road, tune anti-lock control, observers, the encoder chain and side-slip, study each."""
 
 import contextlib
 import os
@@ -10,6 +10,7 @@ from tuning.controllers import command as controllers
 from tuning.encoder import command as encoder
 from tuning.observers import command as observers
 from tuning.road import command as road
+from tuning.sideslip import command as sideslip
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, help=__doc__, pretty_exceptions_enable=False)
 COMMANDS = {
@@ -22,6 +23,9 @@ COMMANDS = {
     "encoder": encoder.encoder,
     "tune-encoder": encoder.tune_encoder,
     "encoder-study": encoder.encoder_study,
+    "side-slip": sideslip.side_slip,
+    "tune-side-slip": sideslip.tune_side_slip,
+    "side-slip-study": sideslip.side_slip_study,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""

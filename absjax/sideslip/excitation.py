@@ -5,8 +5,8 @@ eta_theta = f_y*(vy - d) / m, condition (9) asks that for each deviation d the d
 
     W(t) = int_(t-T)^t [eta_v, eta_theta]' [eta_v, eta_theta] ds
 
-be bounded away from zero. Source: Grip et al. 2008, Theorem 1 and section 7. Ours: the smallest eigenvalue is taken of W
-with eta_v on the scale k = 0.5 max(v, 3) / C of the monitor, so that both signals are accelerations; and with an
+be bounded away from zero. Source: Grip et al. 2008, Theorem 1 and section 7. Ours: the smallest eigenvalue is taken of
+W with eta_v on the scale k = 0.5 max(v, 3) / C of the monitor, so that both signals are accelerations; and with an
 error of the lateral acceleration of standard deviation `error` that stays for `correlation`, theta is told to within
 
     deviation = error sqrt(correlation W_vv / det W)

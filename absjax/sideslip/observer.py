@@ -118,7 +118,8 @@ class SideSlipObserver:
         offsets = state.offsets
         if self.offsets is not None and offsets is not None:
             rolling = wheels[0] - level.longitudinal_acceleration - level.yaw_rate * vy
-            offsets = self.offsets.step(offsets, injection, residual / car.mass, rolling, share, period)
+            excess = ay - level.yaw_rate * vx
+            offsets = self.offsets.step(offsets, injection, excess, residual / car.mass, rolling, share, period)
         after = SideSlipState(
             vx + period * wheels[0],
             vy + period * vy_slope,
@@ -144,13 +145,13 @@ class SideSlipObserver:
 
     def _corrected(self, offsets: Offsets | None, level: CarSample):
         """The sample without its biases, and the part of the weight along y [m/s^2]."""
-        if offsets is None:
+        if offsets is None or self.offsets is None:
             return level, 0.0
         corrected = level._replace(
             longitudinal_acceleration=level.longitudinal_acceleration - offsets.longitudinal_bias,
             lateral_acceleration=level.lateral_acceleration - offsets.lateral_bias,
         )
-        return corrected, -GRAVITY * jnp.sin(offsets.bank)
+        return corrected, -GRAVITY * jnp.sin(self.offsets.applied(offsets))
 
 
 def published_gains(**parts: Any) -> SideSlipObserver:

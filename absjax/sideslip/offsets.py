@@ -39,6 +39,8 @@ class OffsetAdaptation:
 
     bank_gain: Any = parameter("K_phi, 1/s", default=0.5, low=0.0, trainable=True, span=(0.05, 5.0))
     bank_memory: Any = parameter("T_phi, s", default=10.0, low=0.1, trainable=True, span=(1.0, 60.0))
+    mean_gain: Any = parameter("K_m, 1/s", default=0.1, low=0.0, trainable=True, span=(0.01, 1.0))
+    unexplained: Any = parameter("bank up to which it is taken for biases, rad", default=0.01, low=0.0)
     lateral_gain: Any = parameter("G_y, 1/s", default=0.02, low=0.0, trainable=True, span=(1e-3, 0.5))
     longitudinal_gain: Any = parameter("G_x, 1/s", default=0.02, low=0.0, trainable=True, span=(1e-3, 0.5))
     unsaturated: Any = parameter("share of the slope from which tyres count as not saturated", default=0.5, low=0.0)
@@ -50,11 +52,17 @@ class OffsetAdaptation:
         zero = 0.0 * like
         return Offsets(zero, zero, zero)
 
-    def step(self, state: Offsets, injection, residual, rolling, share, period) -> Offsets:
+    def applied(self, state: Offsets):
+        """The bank that is taken off: what biases do not explain, softly [rad]."""
+        beyond = jnp.maximum(jnp.abs(state.bank) - self.unexplained, 0.0)
+        return jnp.sign(state.bank) * beyond
+
+    def step(self, state: Offsets, injection, excess, residual, rolling, share, period) -> Offsets:
         """State after a period.
 
         Args:
             injection: Kvy Lambda xi (m ay~) [m/s^2].
+            excess: ay - r vx, which in the mean is g sin phi [m/s^2].
             residual: ay~ [m/s^2].
             rolling: sum K_i (v_x,i - vx) [m/s^2].
             share: sN of the scaled monitor.
@@ -62,6 +70,7 @@ class OffsetAdaptation:
         """
         told = jnp.where(jnp.abs(share) > self.unsaturated, 1.0, 0.0)
         bank = state.bank - period * (told * self.bank_gain / GRAVITY * injection + state.bank / self.bank_memory)
+        bank = bank + period * self.mean_gain * (excess / GRAVITY - state.bank)
         lateral = state.lateral_bias + period * told * self.lateral_gain * residual
         longitudinal = state.longitudinal_bias - period * self.longitudinal_gain * rolling
         return Offsets(

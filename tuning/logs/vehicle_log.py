@@ -70,6 +70,11 @@ class VehicleLog:
         """Sampling period [s]."""
         return float(np.median(np.diff(self.time)))
 
+    def biased(self, lateral: float) -> "VehicleLog":
+        """The log with a bias [m/s^2] added to its lateral accelerometer."""
+        acceleration = self.samples.lateral_acceleration + lateral
+        return dataclasses.replace(self, samples=self.samples._replace(lateral_acceleration=acceleration))
+
     @property
     def true_side_slip(self) -> np.ndarray:
         """-atan2(vy, vx) of the truth [rad].

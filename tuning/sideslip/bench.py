@@ -63,7 +63,8 @@ class LogSet(NamedTuple):
         for log in logs:
             if abs(log.period - period) > 1e-3 * period:
                 raise LogError(
-                    f"{log.name}: sampled every {log.period:g} s, {logs[0].name} every {period:g} s; one period is needed"
+                    f"{log.name}: sampled every {log.period:g} s, {logs[0].name} every {period:g} s; "
+                    "one period is needed"
                 )
             if log.time[-1] - log.time[0] <= SETTLE:
                 raise LogError(f"{log.name}: {log.time[-1] - log.time[0]:.3g} s, more than {SETTLE:g} s are needed")
@@ -77,6 +78,17 @@ class LogSet(NamedTuple):
         counts = beside.valid & (np.arange(longest) * period >= SETTLE)
         names = tuple(log.name for log in logs)
         return cls(names, stacked(cars), beside, truth, counts, period, tuple(len(log.time) for log in logs))
+
+    def nameless(self) -> "LogSet":
+        """As programs take it: without what is no number."""
+        return self._replace(names=(), lengths=())
+
+    def of_members(self, members) -> "LogSet":
+        """Some of the logs, by their indices; traceable."""
+        cars, logs, truth, counts = jax.tree.map(
+            lambda leaf: jnp.asarray(leaf)[members], (self.cars, self.logs, self.truth, self.counts)
+        )
+        return self._replace(cars=cars, logs=logs, truth=truth, counts=counts)
 
     def run(self, estimator: Estimator) -> Estimates:
         """The estimator on all logs at once; traceable."""
@@ -112,5 +124,4 @@ def _errors(logs, estimator):
 
 def errors_of(logs: LogSet, estimator: Estimator) -> Errors:
     """Errors of an estimator on logs, arrays of NumPy (logs,)."""
-    plain = logs._replace(names=(), lengths=())
-    return Errors(*map(np.asarray, _errors(plain, jax.tree.map(jnp.asarray, estimator))))
+    return Errors(*map(np.asarray, _errors(*jax.tree.map(jnp.asarray, (logs.nameless(), estimator)))))
