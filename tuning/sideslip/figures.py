@@ -3,14 +3,11 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import jax
 import matplotlib.pyplot as plt
 import numpy as np
 
-from absjax.sideslip.car import Car
 from absjax.sideslip.excitation import PATTERNS
 from absjax.sideslip.friction import TanhFriction
-from absjax.sideslip.observer import SideSlipObserver
 from tuning.logs.vehicle_log import VehicleLog
 from tuning.sideslip.study import LogStudy
 
@@ -101,28 +98,15 @@ def friction_curves_figure():
         axes.plot(slip, model, color=f"C{i}", label=f"{friction:g}")
         axes.plot(slip, scaled, color=f"C{i}", ls="--")
     axes.set(xlabel="slip", ylabel="friction", title="μ_H in the model (solid), θ at μ*_H = 0.6 (dashed)")
-    axes.legend(title="at large slip", fontsize="small")
+    axes.legend(title="at large slip", loc="lower right", fontsize="small")
     axes.grid(alpha=0.3)
     return figure
 
 
-def implied_friction(log: VehicleLog, car: Car, observer: SideSlipObserver) -> np.ndarray:
-    """m ay / f_y* at the true velocities, (samples,); NaN where the tyres hardly carry anything to the side."""
-
-    def one(sample, vx, vy, r):
-        level = observer.accelerometer.level(sample)
-        return car.mass * level.lateral_acceleration, observer.forces(car, (vx, vy, r), level).lateral
-
-    truth = (log.truth["longitudinal_speed"], log.truth["lateral_speed"], log.truth["yaw_rate"])
-    measured, force = map(np.asarray, jax.vmap(one)(log.samples, *truth))
-    carries = np.abs(force) > 0.1 * float(car.mass) * 9.81
-    return np.where(carries, measured / np.where(carries, force, 1.0), np.nan)
-
-
-def friction_parameter_figure(log: VehicleLog, car: Car, observer: SideSlipObserver, estimated):
+def friction_parameter_figure(log: VehicleLog, implied, estimated):
     """Fig. 3: the theta that makes (2) hold at the true velocities, beside the adapted one."""
     figure, axes = plt.subplots(figsize=(9, 3))
-    axes.plot(log.time, implied_friction(log, car, observer), ".", ms=1, color="0.6", label="m a_y / f*_y at the truth")
+    axes.plot(log.time, implied, ".", ms=1, color="0.6", label="m a_y / f*_y at the truth")
     axes.plot(log.time, estimated, **ESTIMATED, label="adapted")
     if "friction" in log.truth:
         axes.plot(log.time, log.truth["friction"], **REAL, label="of the road")

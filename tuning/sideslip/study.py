@@ -29,6 +29,8 @@ class LogStudy:
     """None of an estimator that tells nothing"""
     excitation: Excitation | None
     """None without an insight"""
+    implied: np.ndarray | None
+    """theta by (2) at the true velocities; None without an insight or the truth"""
 
     @property
     def offsets(self):
@@ -78,9 +80,14 @@ class LogStudy:
         }
         if self.excitation is not None and "friction" in truth:
             told = self.excitation.identifiable & counts
-            off = np.abs(np.asarray(self.estimate.friction) - truth["friction"])[told]
-            found["theta off, mean where told"] = float(off.mean()) if off.size else 0.0
-            found["share of it within 0.1"] = float(np.mean(off < WITHIN)) if off.size else 0.0
+            against = {"friction of the road": truth["friction"]}
+            if self.implied is not None:
+                against["theta of (2)"] = self.implied
+            for name, real in against.items():
+                off = np.abs(np.asarray(self.estimate.friction) - real)[told & np.isfinite(real)]
+                if off.size:
+                    found[f"theta off {name}, median"] = float(np.median(off))
+                    found[f"share within 0.1 of {name}"] = float(np.mean(off < WITHIN))
         return found
 
     def verdicts(self) -> dict[str, list[dict[str, Any]]]:
@@ -112,6 +119,19 @@ class LogStudy:
         }
 
 
+def implied_friction(log: VehicleLog, car: Car, observer: SideSlipObserver) -> np.ndarray:
+    """m ay / f_y* at the true velocities, (samples,); NaN where the tyres hardly carry anything to the side."""
+
+    def one(sample, vx, vy, r):
+        level = observer.accelerometer.level(sample)
+        return car.mass * level.lateral_acceleration, observer.forces(car, (vx, vy, r), level).lateral
+
+    truth = (log.truth["longitudinal_speed"], log.truth["lateral_speed"], log.truth["yaw_rate"])
+    measured, force = map(np.asarray, jax.vmap(one)(log.samples, *truth))
+    carries = np.abs(force) > 0.1 * float(car.mass) * 9.81
+    return np.where(carries, measured / np.where(carries, force, 1.0), np.nan)
+
+
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
@@ -125,6 +145,8 @@ def study_log(log: VehicleLog, car: Car, estimator: Estimator) -> LogStudy:
     found = estimate(estimator, car, log.samples, log.period).raise_if_failed()
     told = jax.tree.map(np.asarray, found.estimate)
     if not isinstance(estimator, SideSlipObserver):
-        return LogStudy(log, estimator, told, None, None)
+        return LogStudy(log, estimator, told, None, None, None)
     told_by = excitation(estimator, car, log.samples, found.estimate, log.period, within=WITHIN)
-    return LogStudy(log, estimator, told, jax.tree.map(np.asarray, found.insight), told_by)
+    known = {"longitudinal_speed", "lateral_speed", "yaw_rate"} <= set(log.truth)
+    implied = implied_friction(log, car, estimator) if known else None
+    return LogStudy(log, estimator, told, jax.tree.map(np.asarray, found.insight), told_by, implied)

@@ -79,8 +79,8 @@ def study(log: VehicleLog, car: Car, estimator: Estimator, out: Path) -> Report:
         files.append(save(figures.excitation_figure(found), out / "excitation.png"))
     if isinstance(estimator, SideSlipObserver):
         files.append(save(figures.friction_curves_figure(), out / "friction_curves.png"))
-        if {"longitudinal_speed", "lateral_speed", "yaw_rate"} <= set(log.truth):
-            figure = figures.friction_parameter_figure(log, car, estimator, found.estimate.friction)
+        if found.implied is not None:
+            figure = figures.friction_parameter_figure(log, found.implied, found.estimate.friction)
             files.append(save(figure, out / "friction_parameter.png"))
     tables: dict[str, Any] = {}
     if errors:
@@ -193,9 +193,7 @@ def _rounded(row: dict[str, Any]) -> dict[str, Any]:
 
 def _friction_line(log: VehicleLog, car: Car, estimator: Estimator) -> str:
     errors = study_log(log, car, estimator).errors()
-    if "share of it within 0.1" not in errors:
-        return f"{log.name}: theta is not adapted"
-    return (
-        f"{log.name}: theta is off the friction of the road by {errors['theta off, mean where told']:.3f} in the mean "
-        f"where the run tells it, within 0.1 in {errors['share of it within 0.1']:.0%}"
-    )
+    told = {name: value for name, value in errors.items() if name.startswith(("theta", "share"))}
+    if not told:
+        return f"{log.name}: the run does not tell theta"
+    return f"{log.name}, where the run tells theta: " + ", ".join(f"{name} {value:.3f}" for name, value in told.items())
