@@ -75,7 +75,7 @@ class LogSet(NamedTuple):
             np.stack([np.pad(column, (0, longest - len(column)), mode="edge") for column in of_all])
             for of_all in zip(*columns)
         )
-        counts = beside.valid & (np.arange(longest) * period >= SETTLE)
+        counts = beside.valid & (np.arange(longest) >= round(SETTLE / period))
         names = tuple(log.name for log in logs)
         return cls(names, stacked(cars), beside, truth, counts, period, tuple(len(log.time) for log in logs))
 

@@ -69,7 +69,7 @@ class LogStudy:
         """Errors against the truth, from `SETTLE` on; empty where the log has none."""
         if "lateral_speed" not in self.log.truth or "longitudinal_speed" not in self.log.truth:
             return {}
-        counts = self.log.time - self.log.time[0] >= SETTLE
+        counts = np.arange(len(self.log.time)) >= round(SETTLE / self.log.period)
         slip = np.degrees(np.asarray(self.estimate.side_slip) - self.log.true_side_slip)[counts]
         truth, vx, vy = self.log.truth, self.estimate.longitudinal_speed, self.estimate.lateral_speed
         found = {
