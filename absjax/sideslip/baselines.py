@@ -152,10 +152,13 @@ class TwoTrackFilter:
 
 
 def linear_filter(**parts: Any) -> TwoTrackFilter:
-    """The linear two-track Kalman filter."""
-    return TwoTrackFilter(**parts)
+    """The linear two-track Kalman filter, as tuned on five logs of a multi-body car."""
+    values = {"lateral_drift": 0.04, "yaw_drift": 0.39, "acceleration_noise": 2.2, "yaw_noise": 0.0026}
+    return TwoTrackFilter(**{"friction_model": LinearFriction(22.0), **values, **parts})
 
 
 def extended_filter(**parts: Any) -> TwoTrackFilter:
-    """The extended Kalman filter with theta as a random walk."""
-    return TwoTrackFilter(**{"friction_model": TanhFriction(), "random_walk": True, **parts})
+    """The extended Kalman filter with theta as a random walk, as tuned on five logs of a multi-body car."""
+    values = {"lateral_drift": 0.22, "yaw_drift": 0.46, "friction_drift": 0.21}
+    noises = {"acceleration_noise": 2.0, "yaw_noise": 0.0016}
+    return TwoTrackFilter(**{"friction_model": TanhFriction(51.0), "random_walk": True, **values, **noises, **parts})

@@ -29,7 +29,8 @@ class SideSlipConfig(SearchConfig):
     """What to tune, on what. JSON keys are the names of the fields, and those of `SearchConfig`.
 
     Parameters of a part have names as `friction_model.stiffness_at_rest`. Losses are mean logarithms of the rms errors
-    of side-slip and of the lateral velocity, so that their mean over logs is a geometric one.
+    of side-slip and of the lateral velocity, against those at the start: their mean over logs is a geometric one, and
+    `worst` is the log that has gained least.
 
     Attributes:
         estimator: name in `tuning.sideslip.estimators.ESTIMATORS`.
@@ -58,6 +59,7 @@ class SideSlipConfig(SearchConfig):
         super().__post_init__()
         choice("estimator", self.estimator, ESTIMATORS)
         require("tune", self.tune, bool(self.tuned), f"names of parameters: {self.estimator} tunes none by default")
+        require("objective", self.objective, self.objective != "power", "one that takes negative losses")
         require("each", self.each, not self.each or len(self.logs) > 1, "of two logs at least")
         twice = sorted(set(self.logs) & set(self.held_out)) + [log for log in self.logs if self.logs.count(log) > 1]
         require("logs", self.logs, not twice, f"distinct, and none held out; {twice[:1]} stands twice")

@@ -1,6 +1,7 @@
 """An estimator of side-slip tuned on logs by gradient descent, and judged on others.
 
-The cost is the mean over logs of the losses of `tuning.sideslip.bench.LogSet.losses`. Gradients go forward through the
+The losses are those of `tuning.sideslip.bench.LogSet.losses`, less what they are at the start, so that each says by how
+much a log has become better or worse. Gradients go forward through the
 scan: few parameters, and no states to be kept for thousands of samples.
 """
 
@@ -61,12 +62,12 @@ class SideSlipResult:
 
 @partial(jax.jit, static_argnames=("box", "objective", "gradients"))
 def _costs(logs: LogSet, estimator: Estimator, points, members, prior, box: Box, objective: Objective, gradients: bool):
-    weight, given = prior
+    weight, given, base = prior
     if members is not None:
-        logs = logs.of_members(members)
+        logs, base = logs.of_members(members), base[members]
 
     def cost(point):
-        losses = logs.losses(with_values(estimator, box.values(point)))
+        losses = logs.losses(with_values(estimator, box.values(point))) - base
         return objective.costs(losses, smooth=gradients) + weight * jnp.mean((point - given) ** 2)
 
     def one(point):
@@ -90,7 +91,8 @@ class SideSlipProblem(Problem):
     given: np.ndarray
     members: int
     objective: Objective
-    prior: float
+    prior: tuple[Any, Any, Any]
+    """weight, point it is at, and losses of the logs there"""
 
     @classmethod
     def of(cls, config: SideSlipConfig, logs: LogSet) -> "SideSlipProblem":
@@ -99,25 +101,19 @@ class SideSlipProblem(Problem):
         values = {name: value for name, (value, _, _) in parameters_of(start).items()}
         objective = Objective(config.objective, config.tail)
         plain = jax.tree.map(jnp.asarray, logs.nameless())
-        return cls(
-            plain,
-            jax.tree.map(jnp.asarray, start),
-            box,
-            box.point(values)[None],
-            len(logs.names),
-            objective,
-            config.prior,
-        )
+        start, given = jax.tree.map(jnp.asarray, start), box.point(values)
+        prior = config.prior, given, jax.jit(LogSet.losses)(plain, start)
+        return cls(plain, start, box, given[None], len(logs.names), objective, prior)
 
     def costs_and_gradients(self, points, members):
         """Costs and gradients."""
-        prior = self.prior, self.given[0]
-        return _costs(self.logs, self.start, points, members, prior, self.box, self.objective, gradients=True)
+        return _costs(self.logs, self.start, points, members, self.prior, self.box, self.objective, gradients=True)
 
     def judge(self, points):
         """Costs."""
-        prior = self.prior, self.given[0]
-        return np.asarray(_costs(self.logs, self.start, points, None, prior, self.box, self.objective, gradients=False))
+        return np.asarray(
+            _costs(self.logs, self.start, points, None, self.prior, self.box, self.objective, gradients=False)
+        )
 
 
 def tune_side_slip(
