@@ -173,6 +173,18 @@ def test_single_precision():
         np.testing.assert_allclose(a, b, atol=5e-3)
 
 
+@pytest.mark.parametrize("rate", [50, 200])
+def test_other_sampling_rates(rate):
+    """Half and twice the rate of the source, on the same drive without noise."""
+    rms = {}
+    for hertz in (100, rate):
+        log = slalom(5.0, amplitude=0.045, noise=0.0, rate=hertz)
+        found = estimate(better_gains(), KNOWN, samples_of(log), 1 / hertz).estimate
+        truth = -np.arctan2(log["true_vy_m_s"], log["true_vx_m_s"])
+        rms[hertz] = np.sqrt(np.mean((np.asarray(found.side_slip) - truth)[hertz:] ** 2))
+    assert rms[rate] < 1.2 * rms[100]
+
+
 def test_diverging_gains_are_told():
     observer = SideSlipObserver(yaw_gain=500.0, friction_model=TanhFriction(26.0))
     with pytest.raises(RolloutError, match="DIVERGED"):
