@@ -45,7 +45,9 @@ class OffsetAdaptation:
     bank_gain: Any = parameter("K_phi, 1/s", default=0.4, low=0.0, trainable=True, span=(0.05, 5.0))
     bank_memory: Any = parameter("T_phi, s", default=300.0, low=0.1, trainable=True, span=(5.0, 1000.0))
     mean_gain: Any = parameter("K_m, 1/s", default=0.07, low=0.0, trainable=True, span=(0.01, 1.0))
-    unexplained: Any = parameter("bank up to which it is taken for biases, rad", default=0.022, low=0.0)
+    unexplained: Any = parameter(
+        "bank up to which it is taken for biases, rad", default=0.022, low=0.0, trainable=True, span=(0.002, 0.1)
+    )
     lateral_gain: Any = parameter("G_y, 1/s", default=0.015, low=0.0, trainable=True, span=(1e-3, 0.5))
     longitudinal_gain: Any = parameter("G_x, 1/s", default=0.0015, low=0.0, trainable=True, span=(1e-4, 0.5))
     unsaturated: Any = parameter("share of the slope from which tyres count as not saturated", default=0.15, low=0.0)

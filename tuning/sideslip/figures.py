@@ -32,6 +32,9 @@ def estimates_figure(study: LogStudy):
         if real is not None:
             panel.plot(log.time, real, **REAL, label="real")
         panel.plot(log.time, told, **ESTIMATED, label="estimated")
+        if label.startswith("bank"):
+            panel.plot(log.time, np.degrees(study.applied_bank), "C2", lw=1, label="beyond what biases explain")
+            panel.legend(loc="best", fontsize="small")
         panel.set_ylabel(label, fontsize="small")
         panel.grid(alpha=0.3)
     axes[0].legend(loc="best", fontsize="small")
@@ -125,7 +128,7 @@ def comparison_figure(names: Sequence[str], errors: Mapping[str, np.ndarray]):
     axes.set_yscale("log")
     axes.set_xticks(range(len(names)), names, fontsize="small")
     axes.set(ylabel="side-slip, rms [deg]")
-    axes.legend(fontsize="x-small")
+    axes.legend(fontsize="x-small", loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     axes.grid(axis="y", alpha=0.3)
     return figure
 
@@ -134,6 +137,6 @@ def history_figure(history: Sequence[Sequence[float]]):
     """Cost of each start, by iteration."""
     figure, axes = plt.subplots(figsize=(7, 3.5))
     axes.plot(np.asarray(history), lw=1)
-    axes.set(xlabel="iteration", ylabel="mean logarithm of the errors")
+    axes.set(xlabel="iteration", ylabel="log of errors, after / before")
     axes.grid(alpha=0.3)
     return figure

@@ -37,6 +37,12 @@ class LogStudy:
         """Adapted offsets; None where they are not adapted."""
         return None if self.insight is None else self.insight.offsets
 
+    @property
+    def applied_bank(self) -> np.ndarray:
+        """The bank that is taken off [rad]; only where offsets are adapted."""
+        assert isinstance(self.estimator, SideSlipObserver) and self.estimator.offsets is not None
+        return np.asarray(self.estimator.offsets.applied(self.offsets))
+
     def columns(self) -> dict[str, np.ndarray]:
         """The estimates as a table: a column a signal, with its unit."""
         found: dict[str, Any] = {
@@ -49,6 +55,7 @@ class LogStudy:
         }
         if self.offsets is not None:
             found["bank_rad"] = self.offsets.bank
+            found["bank_beyond_biases_rad"] = self.applied_bank
             found["lateral_bias_m_s2"] = self.offsets.lateral_bias
             found["longitudinal_bias_m_s2"] = self.offsets.longitudinal_bias
         if self.insight is not None and self.excitation is not None:
