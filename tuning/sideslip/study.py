@@ -40,8 +40,11 @@ class LogStudy:
     @property
     def applied_bank(self) -> np.ndarray:
         """The bank that is taken off [rad]; only where offsets are adapted."""
-        assert isinstance(self.estimator, SideSlipObserver) and self.estimator.offsets is not None
-        return np.asarray(self.estimator.offsets.applied(self.offsets))
+        offsets = self.offsets
+        assert (
+            isinstance(self.estimator, SideSlipObserver) and self.estimator.offsets is not None and offsets is not None
+        )
+        return np.asarray(self.estimator.offsets.applied(offsets))
 
     def columns(self) -> dict[str, np.ndarray]:
         """The estimates as a table: a column a signal, with its unit."""

@@ -177,14 +177,26 @@ def tune(
     if result.each:
         tables["each log held out in turn"] = [_rounded(row) for row in result.each]
         for key, what in (("ratio", "held out"), ("ratio on the others, tuned on", "tuned on")):
-            mean = float(np.exp(np.mean([np.log(row[key]) for row in result.each])))
+            mean = _geometric_mean([row[key] for row in result.each])
             lines.append(f"side-slip error after over before, {what}: geometric mean {mean:.3f}")
+        beside = LogSet.of([log for log, _ in tuned], [car for _, car in tuned])
+        better = np.degrees(errors_of(beside, ESTIMATORS["better"].make()).side_slip)
+        for rows, what in ((result.each, "held out"), (result.logs[: len(tuned)], "tuned on all")):
+            ratios = np.array([row["side-slip after [deg]"] for row in rows]) / better
+            shown = ", ".join(f"{ratio:.3f}" for ratio in ratios)
+            lines.append(
+                f"over that of the better gains, {what}: {shown}; geometric mean {_geometric_mean(ratios):.3f}"
+            )
     lines += [
         _friction_line(log, car, result.estimator()) for log, car in (*tuned, *held_out) if "friction" in log.truth
     ]
     files = [write_json(out / "result.json", result.to_json())]
     files.append(save(figures.history_figure(result.history), out / "history.png"))
     return Report(tables, lines, files, result.interrupted)
+
+
+def _geometric_mean(values) -> float:
+    return float(np.exp(np.mean(np.log(values))))
 
 
 def _rounded(row: dict[str, Any]) -> dict[str, Any]:
