@@ -216,6 +216,11 @@ def test_one_manoeuvre_is_warned_of(read):
         ({"logs": []}, "logs"),
         ({"estimator": "best"}, "estimator: 'best' is unknown"),
         ({"estimator": "kinematic", "tune": []}, "kinematic tunes none by default"),
+        ({"parts": {"monitor": "best"}}, "parts.monitor: 'best' is unknown; there are scaled, published, none"),
+        (
+            {"estimator": "linear_filter", "parts": {"rule": "slope"}},
+            "parts: 'rule' is unknown; there are friction_model",
+        ),
         ({"tune": ["mass"]}, "tune: 'mass' is unknown"),
         ({"start": {"lateral_gain": 100.0}}, "start.lateral_gain = 100"),
         ({"each": True}, "of two logs at least"),
@@ -225,6 +230,13 @@ def test_one_manoeuvre_is_warned_of(read):
 def test_wrong_entries_are_refused_by_name(entries, said):
     with pytest.raises(ConfigError, match=said):
         SideSlipConfig.from_json({"logs": ["a.csv"], **entries})
+
+
+def test_parts_by_name():
+    config = SideSlipConfig.from_json({"logs": ["a.csv"], "parts": {"friction_model": "burckhardt", "rule": "slope"}})
+    found = config.initial()
+    assert found.friction_model.title.startswith("Burckhardt") and found.rule.title == "slope"
+    assert config.tuned == ("lateral_gain", "friction_gain")
 
 
 def test_commands(logs, tmp_path):

@@ -1,5 +1,6 @@
 """What estimator of side-slip to tune, on which logs."""
 
+import dataclasses
 from typing import Annotated
 
 from pydantic import Field
@@ -21,7 +22,7 @@ from tuning.core.config import (
     require,
 )
 from tuning.core.fit import SearchConfig
-from tuning.sideslip.estimators import ESTIMATORS, box_of, estimator_of, parameters_of, with_values
+from tuning.sideslip.estimators import ESTIMATORS, box_of, estimator_of, parameters_of, with_parts, with_values
 
 
 @config
@@ -34,6 +35,8 @@ class SideSlipConfig(SearchConfig):
 
     Attributes:
         estimator: name in `tuning.sideslip.estimators.ESTIMATORS`.
+        parts: other parts than the estimator has, e.g. `{"friction_model": "burckhardt", "rule": "slope"}`, by the
+            names of `tuning.sideslip.estimators.PARTS` or as `package.module:Class`.
         logs: tuned on; each with the JSON file of its car beside it.
         held_out: judged on only.
         each: whether every log of `logs` is held out in turn, besides.
@@ -43,6 +46,7 @@ class SideSlipConfig(SearchConfig):
     """
 
     estimator: Text = "better"
+    parts: Annotated[dict[Text, Text], Field(max_length=9)] = dataclasses.field(default_factory=dict)
     logs: Annotated[Names, Field(min_length=1, max_length=LONGEST)] = ()
     held_out: Names = ()
     each: Flag = False
@@ -68,11 +72,15 @@ class SideSlipConfig(SearchConfig):
     @property
     def tuned(self) -> tuple[str, ...]:
         """Names of the parameters that are tuned."""
-        return tuple(self.tune) or ESTIMATORS[self.estimator].tuned
+        there = parameters_of(self._untouched())
+        return tuple(self.tune) or tuple(name for name in ESTIMATORS[self.estimator].tuned if name in there)
+
+    def _untouched(self) -> Estimator:
+        return with_parts(estimator_of("estimator", self.estimator), self.parts)
 
     def initial(self) -> Estimator:
         """The estimator the descent starts from."""
-        estimator = estimator_of("estimator", self.estimator)
+        estimator = self._untouched()
         for name in self.start:
             choice("start", name, parameters_of(estimator))
         return with_values(estimator, self.start)

@@ -5,11 +5,16 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from absjax.parameters import bounds_of, is_model, span_of, trainable_names
+from absjax.sideslip import FRICTION_MODELS, MONITORS, XI_RULES
 from absjax.sideslip.base import Estimator
 from absjax.sideslip.baselines import KinematicIntegration, extended_filter, linear_filter
+from absjax.sideslip.choice import XiRule
+from absjax.sideslip.friction import MonotoneFriction
+from absjax.sideslip.monitor import Monitor
 from absjax.sideslip.observer import better_gains, published_gains
 from absjax.sideslip.offsets import OffsetAdaptation
 from tuning.core.box import Box
+from tuning.core.components import component
 from tuning.core.config import choice, require
 
 
@@ -49,6 +54,14 @@ TITLES = {
 }
 
 
+PARTS: dict[str, tuple[Mapping[str, type], type]] = {
+    "friction_model": (FRICTION_MODELS, MonotoneFriction),
+    "rule": (XI_RULES, XiRule),
+    "monitor": (MONITORS, Monitor),
+}
+"""Parts that can be swapped by name: those the project lists, and their contract."""
+
+
 def estimator_of(entry: str, name: str) -> Estimator:
     """The estimator of a name, with its default values.
 
@@ -57,6 +70,20 @@ def estimator_of(entry: str, name: str) -> Estimator:
     """
     choice(entry, name, ESTIMATORS)
     return ESTIMATORS[name].make()
+
+
+def with_parts(estimator: Any, parts: Mapping[str, str]) -> Any:
+    """The estimator with other parts: names of the project's, or `package.module:Class` written to the contract.
+
+    Raises:
+        ConfigError: if the estimator has no such part, or there is no such class.
+    """
+    own = {field.name for field in dataclasses.fields(estimator)}
+    for name in parts:
+        choice("parts", name, [part for part in PARTS if part in own])
+    return dataclasses.replace(
+        estimator, **{n: component(f"parts.{n}", kind, *PARTS[n])() for n, kind in parts.items()}
+    )
 
 
 def parameters_of(estimator: Any, path: str = "") -> dict[str, tuple[float, Any, str]]:
