@@ -16,6 +16,7 @@ from tuning.core.config import Entries
 from tuning.encoder.config import EncoderConfig
 from tuning.logs import tables
 from tuning.observers.config import ObserverConfig
+from tuning.sideslip.config import SideSlipConfig
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -26,6 +27,7 @@ CONFIGURATIONS: dict[str, type[Entries]] = {
     "demo.md": TuningConfig,
     "observers.md": ObserverConfig,
     "encoder.md": EncoderConfig,
+    "side-slip.md": SideSlipConfig,
 }
 
 

@@ -16,6 +16,7 @@ def test_there_are_notebooks():
         "observers_and_gains",
         "limit_cycles_and_distances",
         "edges_to_wheel_speed",
+        "side_slip",
     }
 
 

@@ -17,6 +17,7 @@ FLOORS = (
     ("tuning.road",),
     ("tuning.observers",),
     ("tuning.encoder",),
+    ("tuning.sideslip",),
     ("tuning.controllers",),
     ("tuning.cli", "tuning.__main__", "tuning"),
 )

@@ -1,4 +1,4 @@
-"""The command line: identify a road, tune anti-lock control, observers, the encoder chain, and study each."""
+"""The command line: identify a road, tune anti-lock control, observers, the encoder chain and side-slip, study each."""
 
 import contextlib
 import os
@@ -11,6 +11,7 @@ from tuning.encoder import command as encoder
 from tuning.logs import command as logs
 from tuning.observers import command as observers
 from tuning.road import command as road
+from tuning.sideslip import command as sideslip
 
 # Without markup: help and errors show units and names in brackets as they are.
 app = typer.Typer(
@@ -31,6 +32,9 @@ COMMANDS = {
     "encoder": encoder.encoder,
     "tune-encoder": encoder.tune_encoder,
     "encoder-study": encoder.encoder_study,
+    "side-slip": sideslip.side_slip,
+    "tune-side-slip": sideslip.tune_side_slip,
+    "side-slip-study": sideslip.side_slip_study,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""
