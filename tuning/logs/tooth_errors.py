@@ -1,0 +1,122 @@
+"""Where the edges of an encoder lie off their places, learned from revolution to revolution."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from tuning.logs.teeth import Passings
+
+NORMAL = 1.4826
+"""Standard deviation of a normal distribution over its median deviation."""
+CLEAR = 3.0
+"""A harmonic of the mean error is one of the wheel if it is so many times what differs between halves of the log."""
+ALIKE = 0.5
+"""Correlation from which the errors behind a cut are taken for those before it."""
+
+
+class ToothErrors(NamedTuple):
+    """Where the edges of an encoder lie off their places, in encoder cycles."""
+
+    tooth: np.ndarray
+    """of every edge, (edges,); tooth 0 is the first of the log, or the first behind the longest gap of the pattern"""
+    error: np.ndarray
+    """of every edge, (edges,)"""
+    mean: np.ndarray
+    """by tooth, (teeth,); 0 of teeth that are missing"""
+    missing: int
+    """edges that are missing from the log"""
+    shift: np.ndarray
+    """teeth to add behind each cut so that the errors fit, (stretches,)"""
+    clear: np.ndarray
+    """the mean error with nothing but harmonics that repeat, (teeth,)"""
+
+    @property
+    def eccentricity(self) -> float:
+        """e / r: amplitude of the first harmonic of the mean error, rad."""
+        teeth = self.mean.size
+        return float(2 / teeth * abs(np.fft.fft(self.mean)[1]) * 2 * np.pi / teeth)
+
+    @property
+    def tolerance(self) -> float:
+        """Half the width of a uniform distribution of what the first harmonic leaves of the mean error, cycles."""
+        teeth = self.mean.size
+        spectrum = np.fft.rfft(self.mean)
+        spectrum[:2] = 0.0
+        return float(np.sqrt(3) * np.fft.irfft(spectrum, teeth).std())
+
+    @property
+    def jitter(self) -> float:
+        """Standard deviation of what does not repeat from revolution to revolution, cycles.
+
+        From the median deviation, since a changing speed adds to the errors of its revolutions.
+        """
+        return float(NORMAL * np.median(np.abs(self.error - self.mean[self.tooth])))
+
+
+def tooth_errors(passings: Passings) -> ToothErrors:
+    """Errors of the edges against a wheel whose speed changes little within two revolutions.
+
+    The time of an edge is compared with the mean over the revolution around it, in which errors that repeat cancel.
+    """
+    teeth = passings.pattern.slots
+    numbers = np.unique(passings.stretch)
+    parts = {int(n): _errors(passings, passings.stretch == n) for n in numbers}
+    parts = {n: part for n, part in parts.items() if part is not None}
+    shift = np.zeros(int(numbers[-1]) + 1, int)
+    if not parts:
+        none = np.zeros(0)
+        return ToothErrors(none.astype(int), none, np.zeros(teeth), passings.missed, shift, np.zeros(teeth))
+    longest = max(parts, key=lambda n: parts[n][0].size)
+    first = _mean(*parts[longest], teeth)
+    for n, (tooth, error) in parts.items():
+        if n != longest and not passings.pattern.absent:
+            shift[n] = _shift(first, _mean(tooth, error, teeth))
+    tooth = np.concatenate([(part[0] + shift[n]) % teeth for n, part in parts.items()])
+    error = np.concatenate([part[1] for part in parts.values()])
+    mean = _mean(tooth, error, teeth)
+    middle = tooth.size // 2
+    halves = [_mean(tooth[part], error[part], teeth) for part in (slice(None, middle), slice(middle, None))]
+    return ToothErrors(tooth, error, mean, passings.missed, shift, _clear(mean, halves[0] - halves[1]))
+
+
+def _errors(passings: Passings, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
+    """Tooth and error of the edges of a stretch; None if it is too short."""
+    teeth = passings.pattern.slots
+    stamps, place = passings.stamps[inside], passings.tooth[inside]
+    every = np.arange(place[0], place[-1] + 1)
+    if every.size < 3 * teeth:
+        return None
+    # Missing edges are put back where a straight line has them.
+    time = np.interp(every, place, (stamps - stamps[0]).astype(float))
+    window = np.ones(teeth + 1) / teeth
+    window[[0, -1]] *= 0.5
+    if teeth % 2:
+        window = np.ones(teeth) / teeth
+    smooth = np.convolve(time, window, mode="valid")
+    half = (window.size - 1) // 2
+    inner = slice(half, half + smooth.size)
+    pace = np.convolve(np.gradient(time), window, mode="valid")
+    error = (time[inner] - smooth) / pace
+    # What a changing speed adds is the same for all teeth of a revolution.
+    centred = error - np.convolve(np.pad(error, half, mode="edge"), window, mode="valid")
+    seen = np.isin(every[inner], place, assume_unique=True)
+    return every[inner][seen] % teeth, centred[seen]
+
+
+def _mean(tooth: np.ndarray, error: np.ndarray, teeth: int) -> np.ndarray:
+    count = np.bincount(tooth, minlength=teeth)
+    return np.bincount(tooth, error, teeth) / np.maximum(count, 1)
+
+
+def _shift(reference: np.ndarray, other: np.ndarray) -> int:
+    """By how much to count the teeth of a stretch on so that its errors are those of the reference."""
+    product = np.fft.irfft(np.fft.rfft(reference) * np.conj(np.fft.rfft(other)), reference.size)
+    size = np.linalg.norm(reference) * np.linalg.norm(other)
+    best = int(np.argmax(product))
+    return best if product[best] > ALIKE * size else 0
+
+
+def _clear(mean: np.ndarray, difference: np.ndarray) -> np.ndarray:
+    found, noise = np.fft.rfft(mean), 0.5 * np.abs(np.fft.rfft(difference))
+    noise = np.maximum(noise, np.median(noise))
+    return np.fft.irfft(np.where(np.abs(found) > CLEAR * noise, found, 0.0), mean.size)
