@@ -8,8 +8,9 @@ from tuning.logs.recording import LogError
 
 WIDTHS = (16, 24, 32)
 """Bits of counters that overflow."""
-SHARE = 0.5
-"""A step back is an overflow if what it becomes is below this share of the counter's range."""
+LONG, GAP = 8.0, 0.01
+"""A step back is an overflow if what it becomes is shorter than so many usual steps, or, of a wide counter, than this
+share of its range."""
 COARSEST = 4.0
 """Fewest ticks from edge to edge."""
 FINE = 20.0
@@ -52,12 +53,11 @@ def unwrapped(place: str, stamps: np.ndarray, rows: np.ndarray) -> Unwrapped:
         modulus = 1 << bits
         within = (low >= 0 and high < modulus) or (low >= -modulus // 2 and high < modulus // 2)
         mended = steps[back] + modulus
-        if not within or (mended <= 0).any() or (mended >= SHARE * modulus).any():
+        if not within or (mended <= 0).any():
             continue
-        # Gaps aside, an overflow is seen as what it hides: an ordinary step.
-        if np.median(mended) > 8 * usual:
-            continue
-        if bits > 16 and (mended > max(100 * usual, 0.01 * modulus)).any():
+        # An overflow is seen as what it hides, an ordinary step; a gap may hide one too.
+        ordinary = mended < max(LONG * usual, GAP * modulus)
+        if not ordinary.all() if bits > 16 else np.median(mended) > LONG * usual:
             continue
         count = np.concatenate([[0], np.cumsum(steps < 0)])
         note = f"the counter of {bits} bits overflows {back.size} times; unwrapped"

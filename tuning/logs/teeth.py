@@ -177,7 +177,7 @@ def _counted(log: EdgeLog, time: np.ndarray, template: _Template) -> _Counted:
     steps = np.diff(time)
     width = len(template.places)
     over = time[width:] - time[:-width]
-    pitch = median_filter(over, size=AROUND + 2 * (width - 1), mode="nearest")
+    pitch = median_filter(over, size=AROUND + 2 * (width - 1), mode="mirror")
     pitch = np.concatenate([pitch, np.full(time.size - pitch.size, pitch[-1])])
     if width == 2:
         pitch = np.concatenate([pitch[:1], 0.5 * (pitch[1:] + pitch[:-1])])
