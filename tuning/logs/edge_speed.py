@@ -5,6 +5,7 @@ is w, its curvature w'. Unlike a control unit, which must wait for the next edge
 What the teeth are off their places is learned over the revolutions and taken off the angles, if that leaves less noise.
 """
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +13,7 @@ import numpy as np
 from tuning.logs.edges import EdgeLog
 from tuning.logs.gaps import rejoined
 from tuning.logs.motion import Motion, fitted
+from tuning.logs.repetition import repetition
 from tuning.logs.teeth import Passings, passings_of
 from tuning.logs.tooth_errors import NORMAL, ToothErrors, tooth_errors
 
@@ -52,6 +54,8 @@ class EdgeStudy(NamedTuple):
     """What the edges of a log say."""
 
     log: EdgeLog
+    filled: EdgeLog
+    """with an edge for every tooth, those that are missing put where the wheel has them"""
     passings: Passings
     errors: ToothErrors
     turning: Turning
@@ -80,6 +84,16 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
     plain, known = pitch * passings.tooth, pitch * (passings.tooth + errors.clear[moved % errors.clear.size])
     counted = passings.tooth
     angle, rough, noise = plain, *_noise(time, plain, passings.stretch)
+    repeats = repetition(log.name, passings, rough.off)
+    if repeats == log.teeth // 2 and passings.both and both is None:
+        said = f"{log.teeth} declared, but errors repeat after {repeats}: {repeats} teeth, both of whose edges were counted"
+        study = study_of(dataclasses.replace(log, teeth=repeats), period=period, both=both)
+        return study._replace(notes=(*study.notes, said))
+    if repeats is not None and repeats < passings.pattern.slots:
+        doubts.append(
+            f"errors of the edges repeat after {repeats} already: a wheel of {repeats} teeth turns "
+            f"{passings.pattern.slots // repeats} times as fast as one of the {passings.pattern.slots} declared"
+        )
     if errors.clear.any():
         other, less = _noise(time, known, passings.stretch)
         if less < WORTH * noise:
@@ -118,7 +132,7 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
         verdict = "refuted"
         doubts.append(f"{share:.0%} of the samples can be trusted: these are not the edges of one wheel")
         turning = turning._replace(valid=np.zeros_like(turning.valid))
-    return EdgeStudy(log, passings, errors, turning, noise / pitch, verdict, tuple(doubts), tuple(notes))
+    return EdgeStudy(log, _filled(log, passings, motion, ~bad), passings, errors, turning, noise / pitch, verdict, tuple(doubts), tuple(notes))
 
 
 def _carried(flags: np.ndarray, kept: np.ndarray) -> np.ndarray:
@@ -143,6 +157,25 @@ def _quiet(time, angle, stretch, noise: float) -> Motion:
         better = loud & (longer.inner | ~best.inner)
         best = Motion(*(np.where(better if x.ndim == 1 else better[:, None], y, x) for x, y in zip(best, longer)))
     return best
+
+
+def _filled(log: EdgeLog, passings: Passings, motion: Motion, kept: np.ndarray) -> EdgeLog:
+    """An edge for every tooth."""
+    stamps, place = passings.stamps[kept], passings.tooth[kept]
+    pitch = 2 * np.pi / passings.pattern.slots
+    every = np.arange(place[0], place[-1] + 1)
+    after = np.clip(np.searchsorted(place, every), 1, place.size - 1)
+    before = after - 1
+    gap, length = place[after] - place[before], (stamps[after] - stamps[before]).astype(float)
+    s = (every - place[before]) / gap
+    # Time over angle: a cubic with the slopes 1 / w, if it only rises; else a straight line.
+    slopes = [gap * pitch / np.maximum(motion.speed[i], 1e-9) / log.clock for i in (before, after)]
+    bent = s**2 * (3 - 2 * s) * length + s * (1 - s) * ((1 - s) * slopes[0] - s * slopes[1])
+    rises = (slopes[0] < 2.5 * length) & (slopes[1] < 2.5 * length)
+    since = np.round(np.where(rises, bent, s * length)).astype(np.int64)
+    time = stamps[before] + since
+    time = np.maximum.accumulate(time - np.arange(time.size)) + np.arange(time.size)
+    return dataclasses.replace(log, stamps=time, teeth=passings.pattern.slots)
 
 
 def _sampled(log: EdgeLog, time, motion: Motion, stretch, repaired, period: float) -> Turning:
