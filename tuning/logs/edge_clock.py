@@ -13,6 +13,8 @@ LONG, GAP = 8.0, 0.01
 share of its range."""
 COARSEST = 4.0
 """Fewest ticks from edge to edge."""
+ALIKE = 0.9
+"""Share of intervals that are equal from which on they do not tell the clock."""
 FINE = 20.0
 """Ticks from edge to edge below which the clock is said to be coarse."""
 
@@ -85,8 +87,8 @@ def check_fine(place: str, steps: np.ndarray, tick: float, repeated: int) -> tup
         LogError: if fewer than `COARSEST` steps of the clock lie between edges.
     """
     step = int(np.gcd.reduce(steps))
-    # A common divisor of many intervals is a clock's; of intervals that are all alike it is none.
-    if np.unique(steps[:100_000]).size < 8 and np.median(steps) >= COARSEST * step * 10:
+    # A common divisor of intervals that are all alike is the interval's, not the clock's.
+    if np.mean(steps == np.median(steps)) > ALIKE:
         step = 1
     usual = float(np.quantile(steps, 0.25)) / step
     if np.median(steps) / step < COARSEST or repeated > 0.2 * steps.size:

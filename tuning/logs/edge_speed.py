@@ -104,7 +104,9 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
             angle, rough, noise = known, other, less
         else:
             notes.append("errors of the teeth are left on: without them edges are no nearer to their places")
-    passings, unknown, said, doubted = rejoined(log, passings, fitted(time, angle, passings.stretch, HALVES[-1]), noise)
+    passings, unknown, said, doubted = rejoined(
+        log, passings, lambda ends: fitted(time, angle, passings.stretch, HALVES[-1], ends), noise
+    )
     notes += said
     doubts += doubted
     angle = angle + pitch * (passings.tooth - counted)
@@ -132,7 +134,17 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
         verdict = "refuted"
         doubts.append(f"{share:.0%} of the samples can be trusted: these are not the edges of one wheel")
         turning = turning._replace(valid=np.zeros_like(turning.valid))
-    return EdgeStudy(log, _filled(log, passings, motion, ~bad), passings, errors, turning, noise / pitch, verdict, tuple(doubts), tuple(notes))
+    return EdgeStudy(
+        log,
+        _filled(log, passings, motion, ~bad),
+        passings,
+        errors,
+        turning,
+        noise / pitch,
+        verdict,
+        tuple(doubts),
+        tuple(notes),
+    )
 
 
 def _carried(flags: np.ndarray, kept: np.ndarray) -> np.ndarray:
@@ -150,12 +162,11 @@ def _quiet(time, angle, stretch, noise: float) -> Motion:
     """At every edge the shortest of the fits that is quiet enough."""
     best = fitted(time, angle, stretch, HALVES[0])
     for half in HALVES[1:]:
-        loud = best.noise[:, 1] * noise > QUIET
-        if not loud.any():
-            break
-        longer = fitted(time, angle, stretch, half)
-        better = loud & (longer.inner | ~best.inner)
-        best = Motion(*(np.where(better if x.ndim == 1 else better[:, None], y, x) for x, y in zip(best, longer)))
+        loud = np.flatnonzero(best.noise[:, 1] * noise > QUIET)
+        longer = fitted(time, angle, stretch, half, loud)
+        better = longer.inner | ~best.inner[loud]
+        for before, now in zip(best, longer):
+            before[loud[better]] = now[better]
     return best
 
 
@@ -187,14 +198,16 @@ def _sampled(log: EdgeLog, time, motion: Motion, stretch, repaired, period: floa
     s = np.clip((grid - time[before]) / step, 0.0, 1.0)
     w0, w1, a0, a1 = motion.speed[before], motion.speed[after], motion.acceleration[before], motion.acceleration[after]
     known = (
-        ~repaired[after] & (stretch[before] == stretch[after]) & motion.inner[before] & motion.inner[after]
-        & (step < LONGEST_WAIT) & (grid >= time[0])
+        ~repaired[after]
+        & (stretch[before] == stretch[after])
+        & motion.inner[before]
+        & motion.inner[after]
+        & (step < LONGEST_WAIT)
+        & (grid >= time[0])
     )
     loud = motion.noise[:, 1] > NO_LOUDER * np.median(motion.noise[:, 1])
     known &= ~loud[before] & ~loud[after]
-    speed = (
-        (1 + 2 * s) * (1 - s) ** 2 * w0 + s**2 * (3 - 2 * s) * w1 + step * s * (1 - s) * ((1 - s) * a0 - s * a1)
-    )
+    speed = (1 + 2 * s) * (1 - s) ** 2 * w0 + s**2 * (3 - 2 * s) * w1 + step * s * (1 - s) * ((1 - s) * a0 - s * a1)
     speed = np.where(known | (stretch[before] == stretch[after]), speed, (1 - s) * w0 + s * w1)
     acceleration = (1 - s) * a0 + s * a1
     return Turning(log.stamps[0] * log.clock + grid, speed, acceleration, known)

@@ -8,6 +8,8 @@ up to terms of higher order. A counter of 16 bits that overflowed unseen leaves 
 lap for which the teeth fall on their places and the speeds go with the accelerations, if there is but one.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from tuning.logs.edges import EdgeLog
@@ -24,14 +26,14 @@ FITS, CLEAR = 4.0, 9.0
 
 
 def rejoined(
-    log: EdgeLog, passings: Passings, motion: Motion, noise: float
+    log: EdgeLog, passings: Passings, motion_at: Callable[[np.ndarray], Motion], noise: float
 ) -> tuple[Passings, int | None, list[str], list[str]]:
     """Teeth and, of a counter that overflows, time behind each gap.
 
     Args:
         log: of the edges.
         passings: its teeth.
-        motion: at its edges.
+        motion_at: how the wheel turns at edges, by their indices.
         noise: of their angles [rad].
 
     Returns:
@@ -44,13 +46,13 @@ def rejoined(
         gap = int(stamps[after] - stamps[after - 1])
         laps = _laps(log, gap)
         length = log.clock * (gap + log.modulus * laps)
-        ends = slice(after - 1, after + 1)
-        turned = _turned(length, motion.speed[ends], motion.acceleration[ends]) / pitch
         if length[0] > LONGEST:
             continue
+        motion = motion_at(np.array([after - 1, after]))
+        turned = _turned(length, motion.speed, motion.acceleration) / pitch
         chosen = 0
         if laps.size > 1:
-            odds = _misfit(length, turned - (tooth[after] - tooth[after - 1]), pattern.period, motion, ends, noise, pitch)
+            odds = _misfit(length, turned - (tooth[after] - tooth[after - 1]), pattern.period, motion, noise, pitch)
             order = np.argsort(odds)
             if odds[order[0]] > FITS or odds[order[1]] < odds[order[0]] + CLEAR:
                 doubts.append(
@@ -80,10 +82,10 @@ def _turned(length, speed, acceleration):
     return length * speed.mean() + length**2 * (acceleration[0] - acceleration[1]) / 12
 
 
-def _misfit(length, off, period: int, motion: Motion, ends: slice, noise: float, pitch: float) -> np.ndarray:
+def _misfit(length, off, period: int, motion: Motion, noise: float, pitch: float) -> np.ndarray:
     """Sum of squares of what each length leaves of the equations, over what it may leave."""
-    speed, acceleration = motion.speed[ends], motion.acceleration[ends]
-    spread = noise * np.sqrt((motion.noise[ends] ** 2).sum(axis=0))
+    speed, acceleration = motion.speed, motion.acceleration
+    spread = noise * np.sqrt((motion.noise**2).sum(axis=0))
     change = abs(acceleration[1] - acceleration[0])
     away = off - np.round(off / period) * period
     angle = np.hypot(0.5 * length * spread[0], length**2 * spread[1] / 12) / pitch

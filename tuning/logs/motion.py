@@ -21,42 +21,50 @@ class Motion(NamedTuple):
     """whether the fit has as many edges on either side"""
 
 
-def fitted(time, angle, stretch, half: int) -> Motion:
-    """Cubics through the edges around each edge of the same stretch."""
+def fitted(time, angle, stretch, half: int, only: np.ndarray | None = None) -> Motion:
+    """Cubics through the edges around each edge of the same stretch.
+
+    Args:
+        time: of the edges [s].
+        angle: of the wheel [rad].
+        stretch: of every edge; edges of others are not looked at.
+        half: edges on either side.
+        only: indices of the edges wanted; all if None.
+    """
     size = time.size
-    starts = np.flatnonzero(np.diff(stretch, prepend=-1))
-    first = starts[stretch - stretch[0]] if stretch.size else starts
-    last = np.append(starts[1:], size)[stretch - stretch[0]] - 1
-    here = np.arange(size)
+    starts = np.flatnonzero(np.diff(stretch, prepend=stretch[:1] - 1))
+    number = np.cumsum(np.diff(stretch, prepend=stretch[:1]) > 0)
+    here = np.arange(size) if only is None else only
+    first, last = starts[number[here]], np.append(starts[1:], size)[number[here]] - 1
     begin = np.maximum(np.minimum(here - half, last - 2 * half), first)
     inner = (here - half >= first) & (here + half <= last)
     parts = [
-        _cubic(time, angle, here[k : k + CHUNK], begin[k : k + CHUNK], half, last[k : k + CHUNK])
-        for k in range(0, size, CHUNK)
+        _cubic(time, angle, *(x[k : k + CHUNK] for x in (here, begin, last)), 2 * half + 1)
+        for k in range(0, here.size, CHUNK)
     ]
-    coefficients = np.concatenate([part[0] for part in parts])
-    noise = np.concatenate([part[1] for part in parts])
-    return Motion(
-        coefficients[:, 1], 2 * coefficients[:, 2], -coefficients[:, 0] / noise[:, 0], noise[:, 1:], inner
-    )
+    found, noise = (np.concatenate(x) for x in zip(*parts)) if parts else (np.zeros((0, 4)), np.zeros((0, 3)))
+    return Motion(found[:, 1], 2 * found[:, 2], -found[:, 0] / noise[:, 0], noise[:, 1:], inner)
 
 
-def _cubic(time, angle, here, begin, half: int, last):
-    """Coefficients at each edge, and the noise of the first three over that of the angles."""
-    index = begin[:, None] + np.arange(2 * half + 1)
+def _cubic(time, angle, here, begin, last, count: int):
+    """Coefficients at each edge; the noise of the edge off the fit, of speed and of acceleration over that of angles."""
+    index = begin[:, None] + np.arange(count)
     weight = (index <= last[:, None]).astype(float)
     index = np.minimum(index, last[:, None])
     x = time[index] - time[here][:, None]
     scale = np.abs(x).max(axis=1)
     x = x / scale[:, None]
-    powers = np.stack([np.ones_like(x), x, x**2, x**3], axis=-1)
-    weighted = powers * weight[..., None]
-    normal = np.einsum("enp,enq->epq", weighted, powers)
     y = angle[index] - angle[here][:, None]
+    moments, products, power = [], [], weight
+    for k in range(7):
+        moments.append(power.sum(axis=1))
+        if k < 4:
+            products.append((power * y).sum(axis=1))
+        power = power * x
+    normal = np.stack([np.stack([moments[i + j] for j in range(4)], axis=-1) for i in range(4)], axis=-2)
     inverse = np.linalg.inv(normal)
-    found = np.einsum("epq,eq->ep", inverse, np.einsum("enp,en->ep", weighted, y))
+    found = (inverse @ np.stack(products, axis=-1)[..., None])[..., 0]
     spread = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0))
     own = np.sqrt(np.maximum(1 - spread[:, 0] ** 2, 0.01))
-    powers_of = scale[:, None] ** np.arange(4)
     noise = np.stack([own, spread[:, 1] / scale, 2 * spread[:, 2] / scale**2], axis=1)
-    return found / powers_of, noise
+    return found / scale[:, None] ** np.arange(4), noise

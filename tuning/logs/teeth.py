@@ -137,7 +137,17 @@ def passings_of(log: EdgeLog, both: bool | None = None) -> Passings:
     cuts = int(cut[1:].sum())
     _say(notes, doubts, log, doubled, missed, cuts, index.size)
     return Passings(
-        log.stamps[index], place, stretch, repaired, pattern, doubled, missed, cuts, alternating, tuple(notes), tuple(doubts)
+        log.stamps[index],
+        place,
+        stretch,
+        repaired,
+        pattern,
+        doubled,
+        missed,
+        cuts,
+        alternating,
+        tuple(notes),
+        tuple(doubts),
     )
 
 
@@ -243,9 +253,7 @@ def _placed(time, pitch, anchors, half, template: _Template) -> _Counted:
         chosen: dict[tuple[int, int], int] = {}
         for j in np.flatnonzero(good):
             key = (int(slot[j]), int(kind[j]))
-            if key not in chosen or (
-                phase[j] - phase[chosen[key]] > BOUNCE and away[j] < away[chosen[key]]
-            ):
+            if key not in chosen or (phase[j] - phase[chosen[key]] > BOUNCE and away[j] < away[chosen[key]]):
                 chosen[key] = int(j)
         if chosen:
             picked = np.array(list(chosen.values()))
