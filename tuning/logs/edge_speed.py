@@ -31,6 +31,8 @@ WORTH = 0.9
 """The errors of the teeth are taken off if the noise falls below so many times what it was."""
 OUTLIER, LEAST_OUTLIER = 8.0, 0.02
 """An edge so many times the noise, and so many pitches, off the fit is none."""
+SLIPPED = 3
+"""Such edges in a row that mean that a tooth was lost or counted twice."""
 LONGEST_WAIT = 0.05
 """s without an edge beyond which nothing is known"""
 LEAST_TRUSTED = 0.5
@@ -81,7 +83,7 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
     pitch = 2 * np.pi / passings.pattern.slots
     time = (passings.stamps - log.stamps[0]) * log.clock
     moved = passings.tooth + errors.shift[passings.stretch]
-    plain, known = pitch * passings.tooth, pitch * (passings.tooth + errors.clear[moved % errors.clear.size])
+    plain = pitch * passings.tooth
     counted = passings.tooth
     angle, rough, noise = plain, *_noise(time, plain, passings.stretch)
     repeats = repetition(log.name, passings, rough.off)
@@ -94,11 +96,13 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
             f"errors of the edges repeat after {repeats} already: a wheel of {repeats} teeth turns "
             f"{passings.pattern.slots // repeats} times as fast as one of the {passings.pattern.slots} declared"
         )
-    if errors.clear.any():
+    clear = errors.refined(moved % errors.mean.size, -rough.raw / pitch, ROUGH)
+    if clear.any():
+        known = pitch * (passings.tooth + clear[moved % clear.size])
         other, less = _noise(time, known, passings.stretch)
         if less < WORTH * noise:
             notes.append(
-                f"errors of the teeth, {errors.clear.std():.2g} cycles rms, learned and taken off: edges are then "
+                f"errors of the teeth, {clear.std():.2g} cycles rms, learned and taken off: edges are then "
                 f"{less / pitch:.2g} cycles off, not {noise / pitch:.2g}"
             )
             angle, rough, noise = known, other, less
@@ -117,7 +121,10 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
         notes.append(f"{bad.sum()} edges off their places, left out")
         repaired[1:] |= bad[:-1]
         repaired = _carried(repaired | bad, ~bad)
-        time, angle, stretch = time[~bad], angle[~bad], passings.stretch[~bad]
+        # Several in a row: the teeth were not counted right there, and are counted anew.
+        slipped = np.convolve(bad, np.ones(SLIPPED), "same") >= SLIPPED
+        stretch = passings.stretch + np.cumsum(np.diff(slipped.astype(int), prepend=0) > 0)
+        time, angle, stretch = time[~bad], angle[~bad], stretch[~bad]
     else:
         stretch = passings.stretch
     motion = _quiet(time, angle, stretch, noise)

@@ -99,6 +99,9 @@ def read_edges(
     place = f"{path}, column {found.channel.name!r}"
     stamps, tick, said = _ticks(place, found, cells, rows, clock)
     notes += [*recording.notes, *said]
+    if found.kind == "ticks" and stamps.size > 2 and _cut_off(stamps):
+        notes.append(f"the last row, {rows[-1]}, is cut off; left out")
+        stamps = stamps[:-1]
     unwrap = unwrapped(place, stamps, rows) if found.kind != "periods" else Unwrapped(stamps)
     notes += unwrap.notes
     stamps, wraps = unwrap.stamps, unwrap.wraps
@@ -231,6 +234,13 @@ def _ticks(place: str, found: _Found, kept: np.ndarray, rows: np.ndarray, clock:
         values = np.concatenate([[0.0], np.cumsum(values)])
     note = f"{found.kind if found.kind != 'levels' else 'instants'} in seconds, to {tick:g} s"
     return np.round(values / tick).astype(np.int64), tick, [note]
+
+
+def _cut_off(stamps: np.ndarray) -> bool:
+    """Whether the last number is the beginning of a longer one."""
+    last, before = str(stamps[-1]), str(stamps[-2])
+    back = np.flatnonzero(np.diff(stamps) < 0)
+    return back.tolist() == [stamps.size - 2] and len(last) < len(before) and before.startswith(last[:-1])
 
 
 def _decimals(channel: Channel, kept: np.ndarray, scale: float) -> int:

@@ -18,6 +18,8 @@ from tuning.logs.teeth import Passings
 
 LONGEST = 2.0
 """s; a gap that may be longer is not looked into"""
+SHORT = 8
+"""Pitches up to which a gap is taken for as long as it looks."""
 ROOM_ANGLE, ROOM_ACCELERATION = 0.1, 5.0
 """What the equations may be off by beside the noise: pitches; rad/s^2, and a share of the change of acceleration."""
 ROOM_CHANGE = 0.2
@@ -44,11 +46,12 @@ def rejoined(
     pattern, pitch = passings.pattern, 2 * np.pi / passings.pattern.slots
     for after in np.flatnonzero(np.diff(passings.stretch)) + 1:
         gap = int(stamps[after] - stamps[after - 1])
-        laps = _laps(log, gap)
-        length = log.clock * (gap + log.modulus * laps)
-        if length[0] > LONGEST:
+        if gap * log.clock > LONGEST:
             continue
         motion = motion_at(np.array([after - 1, after]))
+        short = gap * log.clock * max(motion.speed.max(), 0.0) < SHORT * pitch
+        laps = np.zeros(1, int) if short else _laps(log, gap)
+        length = log.clock * (gap + log.modulus * laps)
         turned = _turned(length, motion.speed, motion.acceleration) / pitch
         chosen = 0
         if laps.size > 1:

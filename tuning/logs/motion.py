@@ -6,6 +6,8 @@ import numpy as np
 
 CHUNK = 50_000
 """Edges fitted at a time."""
+TINY = 1e-12
+"""Keeps the fit to fewer than four edges solvable; its noise is then beyond use."""
 
 
 class Motion(NamedTuple):
@@ -15,6 +17,8 @@ class Motion(NamedTuple):
     acceleration: np.ndarray
     off: np.ndarray
     """angle of the edge off the fit, on the scale of the noise of the angles"""
+    raw: np.ndarray
+    """the same, as it is"""
     noise: np.ndarray
     """of speed and acceleration over that of the angle, (edges, 2)"""
     inner: np.ndarray
@@ -43,7 +47,7 @@ def fitted(time, angle, stretch, half: int, only: np.ndarray | None = None) -> M
         for k in range(0, here.size, CHUNK)
     ]
     found, noise = (np.concatenate(x) for x in zip(*parts)) if parts else (np.zeros((0, 4)), np.zeros((0, 3)))
-    return Motion(found[:, 1], 2 * found[:, 2], -found[:, 0] / noise[:, 0], noise[:, 1:], inner)
+    return Motion(found[:, 1], 2 * found[:, 2], -found[:, 0] / noise[:, 0], -found[:, 0], noise[:, 1:], inner)
 
 
 def _cubic(time, angle, here, begin, last, count: int):
@@ -53,6 +57,7 @@ def _cubic(time, angle, here, begin, last, count: int):
     index = np.minimum(index, last[:, None])
     x = time[index] - time[here][:, None]
     scale = np.abs(x).max(axis=1)
+    scale[scale == 0] = 1.0
     x = x / scale[:, None]
     y = angle[index] - angle[here][:, None]
     moments, products, power = [], [], weight
@@ -62,7 +67,7 @@ def _cubic(time, angle, here, begin, last, count: int):
             products.append((power * y).sum(axis=1))
         power = power * x
     normal = np.stack([np.stack([moments[i + j] for j in range(4)], axis=-1) for i in range(4)], axis=-2)
-    inverse = np.linalg.inv(normal)
+    inverse = np.linalg.inv(normal + TINY * np.eye(4))
     found = (inverse @ np.stack(products, axis=-1)[..., None])[..., 0]
     spread = np.sqrt(np.maximum(np.diagonal(inverse, axis1=1, axis2=2), 0))
     own = np.sqrt(np.maximum(1 - spread[:, 0] ** 2, 0.01))

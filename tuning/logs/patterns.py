@@ -14,6 +14,8 @@ from tuning.logs.recording import LogError
 
 REPEATS = 0.5
 """Share of empty places that are empty a revolution later, from which on there is a pattern."""
+AS_GOOD = 0.8
+"""The fewest places of whose share is so much of the largest are a revolution, not the most."""
 EMPTY = 0.5
 """Share of the revolutions in which a place of the pattern is empty, at least."""
 FEWEST_TURNS = 3
@@ -35,6 +37,8 @@ class Pattern:
     """places in a period without a tooth; none: a wheel that lacks none, its period is one"""
     notes: tuple[str, ...] = ()
     doubts: tuple[str, ...] = ()
+    edges: int = 1
+    """of a tooth that are counted as pitches"""
 
     @property
     def gaps(self) -> tuple[int, ...]:
@@ -48,12 +52,12 @@ class Pattern:
             while not there[(start + length) % self.period]:
                 length += 1
             lengths.append(length)
-        return tuple(lengths) * (self.slots // self.period)
+        return tuple(length // self.edges for length in lengths) * (self.slots // self.period)
 
     @property
     def name(self) -> str:
         """As 60, 36-1, 60-2, 36-2-2."""
-        return "-".join(map(str, (self.slots, *self.gaps)))
+        return "-".join(map(str, (self.slots // self.edges, *self.gaps)))
 
     def turn(self, place: np.ndarray) -> int:
         """By how much to move places of a stretch so that its empty ones are those of the pattern."""
@@ -74,7 +78,7 @@ class Pattern:
         return np.diff(total, prepend=total[:1])
 
 
-def pattern_of(name: str, place: np.ndarray, stretch: np.ndarray, slots: int, fewest: int) -> Pattern:
+def pattern_of(name: str, place: np.ndarray, stretch: np.ndarray, slots: int, fewest: int, edges: int) -> Pattern:
     """The pattern of the wheel that left these places empty.
 
     Args:
@@ -83,6 +87,7 @@ def pattern_of(name: str, place: np.ndarray, stretch: np.ndarray, slots: int, fe
         stretch: of every edge; places are counted anew in each.
         slots: pitches of a revolution as declared.
         fewest: edges of a stretch that is looked at.
+        edges: of a tooth that are counted as pitches.
 
     Raises:
         LogError: if the pattern is that of another number of teeth.
@@ -96,14 +101,14 @@ def pattern_of(name: str, place: np.ndarray, stretch: np.ndarray, slots: int, fe
             empties.append(empty)
     period = _period(empties, slots)
     if period is None:
-        return Pattern(slots, 1, ())
+        return Pattern(slots, 1, (), edges=edges)
     first = max(empties, key=len)
     turns = len(first) // period
     share = first[: turns * period].reshape(turns, period).mean(axis=0)
     absent = np.flatnonzero(share > EMPTY)
     start = _start(absent, period)
     absent = tuple(sorted(int(k) for k in (absent - start) % period))
-    found = Pattern(period, period, absent)
+    found = Pattern(period, period, absent, edges=edges)
     if slots % period == 0:
         return _declared(found, slots)
     if slots == period - len(absent):
@@ -111,7 +116,7 @@ def pattern_of(name: str, place: np.ndarray, stretch: np.ndarray, slots: int, fe
         return dataclasses.replace(found, notes=(note,))
     if period == 2 * slots:
         note = f"the pattern repeats after {period} edges: both edges of {slots} teeth"
-        return dataclasses.replace(found, notes=(note,))
+        return dataclasses.replace(found, notes=(note,), edges=2)
     raise LogError(
         f"{name}: {slots} teeth declared, but the gaps repeat after {period} pitches, as those of a {found.name} wheel "
         f"do: declare {period} teeth, or a multiple"
@@ -120,11 +125,11 @@ def pattern_of(name: str, place: np.ndarray, stretch: np.ndarray, slots: int, fe
 
 def _declared(found: Pattern, slots: int) -> Pattern:
     pattern = dataclasses.replace(found, slots=slots)
-    note = f"a {pattern.name} wheel: {len(found.absent) * slots // found.period} of {slots} teeth are missing"
+    note = f"a {pattern.name} wheel: {sum(pattern.gaps)} of {slots // pattern.edges} teeth are missing"
     doubts: tuple[str, ...] = ()
     if slots != found.period and pattern.gaps not in USUAL:
         doubts = (
-            f"the gaps repeat after {found.period} pitches: a {pattern.name} wheel of {slots} teeth, as declared, or a "
+            f"the gaps repeat after {found.period} pitches: a {pattern.name} wheel, as declared, or a "
             f"{found.name} wheel, and then it turns {slots // found.period} times as fast",
         )
     return dataclasses.replace(pattern, notes=(note,), doubts=doubts)
@@ -146,7 +151,7 @@ def _period(empties: list[np.ndarray], slots: int) -> int | None:
     best = share.max()
     if best < REPEATS or again[int(np.argmax(share))] < FEWEST_TURNS - 1:
         return None
-    return int(np.flatnonzero(share > 0.9 * best)[0])
+    return int(np.flatnonzero(share > AS_GOOD * best)[0])
 
 
 def _start(absent: np.ndarray, period: int) -> int:

@@ -30,7 +30,11 @@ def repetition(name: str, passings: Passings, off: np.ndarray) -> int | None:
     Raises:
         LogError: if they clearly repeat after another number.
     """
-    teeth = passings.pattern.slots
+    teeth, edges = passings.pattern.slots, passings.pattern.edges
+    if edges == 2:
+        # Rising and falling edges are off in turn; what is looked for is what the teeth are.
+        kind = 2 * passings.stretch + passings.tooth % 2
+        off = off - np.array([np.median(off[kind == k]) if k in kind else 0.0 for k in range(kind.max() + 1)])[kind]
     limit = LARGEST * max(float(np.median(np.abs(off))), 1e-300)
     parts = []
     for number in np.unique(passings.stretch):
@@ -58,8 +62,9 @@ def repetition(name: str, passings: Passings, off: np.ndarray) -> int | None:
     if share[teeth] < OTHER * share[best]:
         first = SHORTEST + int(np.argmax(share[SHORTEST:] > AS_GOOD * share[best]))
         raise LogError(
-            f"{name}: {teeth} teeth declared, but the errors of the edges repeat after {first} "
-            f"(correlation {share[first]:.2f}; after {teeth}: {share[teeth]:.2f}); declare {first} teeth"
+            f"{name}: {teeth // edges} teeth declared, but the errors of the edges repeat after {first / edges:g} "
+            f"(correlation {share[first]:.2f}; after {teeth // edges}: {share[teeth]:.2f}); "
+            f"declare {first / edges:g} teeth"
         )
     for parts_of in (4, 3, 2):
         if teeth % parts_of == 0 and teeth // parts_of >= SHORTEST:

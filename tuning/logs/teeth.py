@@ -18,8 +18,8 @@ from tuning.logs.edges import EdgeLog
 from tuning.logs.patterns import Pattern, pattern_of
 from tuning.logs.recording import LogError
 
-AROUND = 9
-"""Intervals whose median is the pitch."""
+AROUND = (9, 21)
+"""Intervals whose median is the pitch; of both edges, an edge too many is in three of them."""
 REGULAR = 0.25
 """Share of the pitch by which an interval may be off and still be one."""
 NEAR = 0.2
@@ -118,7 +118,7 @@ def passings_of(log: EdgeLog, both: bool | None = None) -> Passings:
         if log.teeth % 2:
             raise LogError(f"{log.name}: intervals alternate as both edges of a tooth do; {log.teeth} teeth are odd")
         pitches = log.teeth // 2
-    pattern = pattern_of(log.name, place, stretch, pitches, FEWEST)
+    pattern = pattern_of(log.name, place, stretch, pitches, FEWEST, 1 + (pitches == 2 * log.teeth))
     notes += pattern.notes
     doubts += pattern.doubts
     place = _aligned(place, stretch, pattern)
@@ -187,7 +187,7 @@ def _counted(log: EdgeLog, time: np.ndarray, template: _Template) -> _Counted:
     steps = np.diff(time)
     width = len(template.places)
     over = time[width:] - time[:-width]
-    pitch = median_filter(over, size=AROUND + 2 * (width - 1), mode="mirror")
+    pitch = median_filter(over, size=AROUND[width - 1], mode="mirror")
     pitch = np.concatenate([pitch, np.full(time.size - pitch.size, pitch[-1])])
     if width == 2:
         pitch = np.concatenate([pitch[:1], 0.5 * (pitch[1:] + pitch[:-1])])

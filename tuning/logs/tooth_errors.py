@@ -8,8 +8,12 @@ from tuning.logs.teeth import Passings
 
 NORMAL = 1.4826
 """Standard deviation of a normal distribution over its median deviation."""
-CLEAR = 3.0
-"""A harmonic of the mean error is one of the wheel if it is so many times what differs between halves of the log."""
+CLEAR = 4.0
+"""A harmonic of the mean error is one of the wheel if it is so many times its standard error."""
+WHOLE, FEWEST = 0.6, 4
+"""Share of its edges that a revolution must have to count; and how many of those there must be."""
+LEFT = 0.3
+"""Share of a harmonic that a cubic leaves, from which on it is learned from that."""
 ALIKE = 0.5
 """Correlation from which the errors behind a cut are taken for those before it."""
 
@@ -29,6 +33,28 @@ class ToothErrors(NamedTuple):
     """teeth to add behind each cut so that the errors fit, (stretches,)"""
     clear: np.ndarray
     """the mean error with nothing but harmonics that repeat, (teeth,)"""
+
+    def refined(self, tooth: np.ndarray, error: np.ndarray, half: int) -> np.ndarray:
+        """The mean error, its higher harmonics from what edges are off a smooth motion, (teeth,).
+
+        A cubic through the 2 h + 1 edges around an edge follows the low harmonics of the error, and leaves the share
+        1 - H of the others, H = sum of c_j cos(2 pi k j / N) with the weights c_j of the fit. What they leave, unlike
+        what is off the mean of a revolution, does not depend on how the speed changes.
+
+        Args:
+            tooth: of every edge, (edges,).
+            error: of every edge off the cubic, cycles.
+            half: h.
+        """
+        teeth = self.mean.size
+        j = np.arange(-half, half + 1)
+        weights = np.linalg.pinv(np.vander(j / half, 4, increasing=True))[0]
+        order = np.arange(teeth // 2 + 1)
+        left = 1 - np.cos(2 * np.pi * np.outer(order, j) / teeth) @ weights
+        high = np.fft.rfft(_clear(tooth, error, _mean(tooth, error, teeth)))
+        told = left > LEFT
+        spectrum = np.where(told, high / np.where(told, left, 1.0), np.fft.rfft(self.clear))
+        return np.fft.irfft(spectrum, teeth)
 
     @property
     def eccentricity(self) -> float:
@@ -74,9 +100,7 @@ def tooth_errors(passings: Passings) -> ToothErrors:
     tooth = np.concatenate([(part[0] + shift[n]) % teeth for n, part in parts.items()])
     error = np.concatenate([part[1] for part in parts.values()])
     mean = _mean(tooth, error, teeth)
-    middle = tooth.size // 2
-    halves = [_mean(tooth[part], error[part], teeth) for part in (slice(None, middle), slice(middle, None))]
-    return ToothErrors(tooth, error, mean, passings.missed, shift, _clear(mean, halves[0] - halves[1]))
+    return ToothErrors(tooth, error, mean, passings.missed, shift, _clear(tooth, error, mean))
 
 
 def _errors(passings: Passings, inside: np.ndarray) -> tuple[np.ndarray, np.ndarray] | None:
@@ -116,7 +140,16 @@ def _shift(reference: np.ndarray, other: np.ndarray) -> int:
     return best if product[best] > ALIKE * size else 0
 
 
-def _clear(mean: np.ndarray, difference: np.ndarray) -> np.ndarray:
-    found, noise = np.fft.rfft(mean), 0.5 * np.abs(np.fft.rfft(difference))
-    noise = np.maximum(noise, np.median(noise))
-    return np.fft.irfft(np.where(np.abs(found) > CLEAR * noise, found, 0.0), mean.size)
+def _clear(tooth: np.ndarray, error: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    """The harmonics of the mean error that are larger than what differs from revolution to revolution leaves of it."""
+    revolution = np.cumsum(np.diff(tooth, prepend=tooth[0]) < 0)
+    count = np.bincount(revolution)
+    whole = np.flatnonzero(count >= WHOLE * count.max())
+    if whole.size < FEWEST:
+        return np.zeros(mean.size)
+    table = np.tile(mean, (count.size, 1))
+    table[revolution, tooth] = error
+    spread = np.fft.rfft(table[whole] - mean, axis=1)
+    noise = np.sqrt(np.mean(np.abs(spread) ** 2, axis=0) / whole.size)
+    found = np.fft.rfft(mean)
+    return np.fft.irfft(np.where(np.abs(found) > CLEAR * np.maximum(noise, np.median(noise)), found, 0.0), mean.size)
