@@ -15,7 +15,7 @@ from tuning.logs.gaps import rejoined
 from tuning.logs.motion import Motion, fitted
 from tuning.logs.repetition import repetition
 from tuning.logs.teeth import Passings, passings_of
-from tuning.logs.tooth_errors import NORMAL, ToothErrors, tooth_errors
+from tuning.logs.tooth_errors import NORMAL, ToothErrors, tooth_errors, unknown_share
 
 HALVES = (3, 5, 7, 10, 14)
 """Edges on either side of the fit, of which the fewest are taken that are quiet enough."""
@@ -27,6 +27,8 @@ NO_LOUDER = 4.0
 """Fits, as they are at the ends of a stretch, whose noise is so many times the usual are not trusted."""
 LOUD = 5.0
 """rad/s^2: noise of the acceleration that is worth a word"""
+FAST = 0.05
+"""rad/s: error of the speed that is worth a word"""
 WORTH = 0.9
 """The errors of the teeth are taken off if the noise falls below so many times what it was."""
 OUTLIER, LEAST_OUTLIER = 8.0, 0.02
@@ -97,6 +99,7 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
             f"{passings.pattern.slots // repeats} times as fast as one of the {passings.pattern.slots} declared"
         )
     clear = errors.refined(moved % errors.mean.size, -rough.raw / pitch, ROUGH)
+    usual_speed = float(pitch * np.median(np.diff(passings.tooth) / np.diff(time)))
     if clear.any():
         known = pitch * (passings.tooth + clear[moved % clear.size])
         other, less = _noise(time, known, passings.stretch)
@@ -106,6 +109,12 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
                 f"{less / pitch:.2g} cycles off, not {noise / pitch:.2g}"
             )
             angle, rough, noise = known, other, less
+            share = unknown_share(clear, ROUGH)
+            if share * usual_speed > FAST:
+                doubts.append(
+                    "errors of the teeth that change slowly over a revolution are not told from the wheel's own speed: "
+                    f"it may be off by {share * usual_speed:.2g} rad/s rms"
+                )
         else:
             notes.append("errors of the teeth are left on: without them edges are no nearer to their places")
     passings, unknown, said, doubted = rejoined(
@@ -129,17 +138,16 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
         stretch = passings.stretch
     motion = _quiet(time, angle, stretch, noise)
     turning = _sampled(log, time, motion, stretch, repaired, period)
-    if unknown is not None:
-        known_until = log.stamps[0] * log.clock + (unknown - log.stamps[0]) * log.clock
-        turning = turning._replace(valid=turning.valid & (turning.time <= known_until))
     loud = float(np.median(motion.noise[:, 1]) * noise)
     if loud > LOUD:
         doubts.append(f"edges are {noise / pitch:.2g} cycles off: accelerations are so by {loud:.2g} rad/s^2")
-    share = float(turning.valid.mean())
+    trusted = float(turning.valid.mean())
+    if unknown is not None:
+        turning = turning._replace(valid=turning.valid & (turning.time <= unknown * log.clock))
     verdict = "doubtful" if doubts else "sound"
-    if share < LEAST_TRUSTED:
+    if trusted < LEAST_TRUSTED:
         verdict = "refuted"
-        doubts.append(f"{share:.0%} of the samples can be trusted: these are not the edges of one wheel")
+        doubts.append(f"{trusted:.0%} of the samples can be trusted: these are not the edges of one wheel")
         turning = turning._replace(valid=np.zeros_like(turning.valid))
     return EdgeStudy(
         log,

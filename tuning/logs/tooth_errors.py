@@ -12,6 +12,8 @@ CLEAR = 4.0
 """A harmonic of the mean error is one of the wheel if it is so many times its standard error."""
 WHOLE, FEWEST = 0.6, 4
 """Share of its edges that a revolution must have to count; and how many of those there must be."""
+NOTHING = 1e-6
+"""Share of the largest harmonic that is rounding."""
 LEFT = 0.3
 """Share of a harmonic that a cubic leaves, from which on it is learned from that."""
 ALIKE = 0.5
@@ -77,6 +79,25 @@ class ToothErrors(NamedTuple):
         From the median deviation, since a changing speed adds to the errors of its revolutions.
         """
         return float(NORMAL * np.median(np.abs(self.error - self.mean[self.tooth])))
+
+
+def unknown_share(clear: np.ndarray, half: int) -> float:
+    """Rms over a revolution of dw / w that harmonics of the errors make which were not learned, if they are as large as
+    those that were.
+
+    Args:
+        clear: the mean error, cycles, (teeth,).
+        half: of the fit that the others were learned from.
+    """
+    teeth = clear.size
+    size = 2 / teeth * np.abs(np.fft.rfft(clear))
+    order = np.arange(size.size)
+    found, slow = size > NOTHING * size.max(initial=0), order < teeth / (2 * half + 1)
+    low = (order > 0) & slow & ~found
+    if not (found & ~slow).any() or not low.any():
+        return 0.0
+    usual = np.sqrt(np.mean(size[found & ~slow] ** 2))
+    return float(2 * np.pi / teeth * usual * np.sqrt(0.5 * np.sum(order[low] ** 2)))
 
 
 def tooth_errors(passings: Passings) -> ToothErrors:
