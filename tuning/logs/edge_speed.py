@@ -9,6 +9,7 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from tuning.logs.edges import EdgeLog
 from tuning.logs.gaps import rejoined
@@ -33,6 +34,8 @@ WORTH = 0.9
 """The errors of the teeth are taken off if the noise falls below so many times what it was."""
 OUTLIER, LEAST_OUTLIER = 8.0, 0.02
 """An edge so many times the noise, and so many pitches, off the fit is none."""
+AROUND = 31
+"""Edges among which one stands out."""
 SLIPPED = 3
 """Such edges in a row that mean that a tooth was lost or counted twice."""
 LONGEST_WAIT = 0.05
@@ -125,7 +128,9 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
     angle = angle + pitch * (passings.tooth - counted)
     time = (passings.stamps - log.stamps[0]) * log.clock
     repaired = passings.repaired.copy()
-    bad = np.abs(rough.off) > np.maximum(OUTLIER * noise, LEAST_OUTLIER * pitch)
+    # A wheel that turns unevenly leaves all edges of a while off the fit; one that is none stands out among them.
+    around = NORMAL * median_filter(np.abs(rough.off), size=AROUND, mode="mirror")
+    bad = np.abs(rough.off) > np.maximum(OUTLIER * np.maximum(noise, around), LEAST_OUTLIER * pitch)
     if bad.any() and not bad.all():
         notes.append(f"{bad.sum()} edges off their places, left out")
         repaired[1:] |= bad[:-1]

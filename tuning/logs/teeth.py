@@ -122,6 +122,9 @@ def passings_of(log: EdgeLog, both: bool | None = None) -> Passings:
     notes += pattern.notes
     doubts += pattern.doubts
     place = _aligned(place, stretch, pattern)
+    if pattern.absent:
+        cut = cut & ~_bridged(time[index], place, cut)
+        stretch = np.cumsum(cut)
     if alternating:
         wide = share if share is not None else 0.5
         notes.append(
@@ -278,6 +281,19 @@ def _placed(time, pitch, anchors, half, template: _Template) -> _Counted:
         np.diff(stretch, prepend=stretch[:1]) > 0,
         unsure[kept],
     )
+
+
+def _bridged(time: np.ndarray, place: np.ndarray, cut: np.ndarray) -> np.ndarray:
+    """Whether the number of teeth in a short gap, as the pattern has it, goes with the pitches on both sides."""
+    found = np.zeros(cut.size, bool)
+    for i in np.flatnonzero(cut):
+        if 3 <= i < cut.size - 3:
+            before = (time[i - 1] - time[i - 3]) / (place[i - 1] - place[i - 3])
+            after = (time[i + 2] - time[i]) / (place[i + 2] - place[i])
+            passed = place[i] - place[i - 1]
+            turned = 2 * (time[i] - time[i - 1]) / (before + after)
+            found[i] = passed <= LONGEST and abs(turned / passed - 1) < REGULAR
+    return found
 
 
 def _aligned(place: np.ndarray, stretch: np.ndarray, pattern: Pattern) -> np.ndarray:
