@@ -57,6 +57,17 @@ class Turning(NamedTuple):
     """where both are known: not where edges were repaired, nor where the wheel may have done anything"""
 
 
+class Placed(NamedTuple):
+    """The edges that were used; arrays (edges,)."""
+
+    time: np.ndarray
+    """in the log's clock, s"""
+    angle: np.ndarray
+    """of the wheel, rad"""
+    joined: np.ndarray
+    """whether the edge before is that of the tooth before, and nothing was repaired in between"""
+
+
 class EdgeStudy(NamedTuple):
     """What the edges of a log say."""
 
@@ -66,6 +77,7 @@ class EdgeStudy(NamedTuple):
     passings: Passings
     errors: ToothErrors
     turning: Turning
+    placed: Placed
     noise: float
     """of the edges, encoder cycles"""
     verdict: str
@@ -143,11 +155,15 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
         stretch = passings.stretch
     motion = _quiet(time, angle, stretch, noise)
     turning = _sampled(log, time, motion, stretch, repaired, period)
+    plain_step = np.round(np.diff(angle, prepend=angle[0] - pitch) / pitch) == 1
+    joined = plain_step & ~repaired & (np.diff(stretch, prepend=stretch[0] - 1) == 0)
+    placed = Placed(log.stamps[0] * log.clock + time, angle, joined)
     loud = float(np.median(motion.noise[:, 1]) * noise)
     if loud > LOUD:
         doubts.append(f"edges are {noise / pitch:.2g} cycles off: accelerations are so by {loud:.2g} rad/s^2")
     trusted = float(turning.valid.mean())
     if unknown is not None:
+        placed = placed._replace(joined=placed.joined & (placed.time <= unknown * log.clock))
         turning = turning._replace(valid=turning.valid & (turning.time <= unknown * log.clock))
     verdict = "doubtful" if doubts else "sound"
     if trusted < LEAST_TRUSTED:
@@ -160,6 +176,7 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
         passings,
         errors,
         turning,
+        placed,
         noise / pitch,
         verdict,
         tuple(doubts),
