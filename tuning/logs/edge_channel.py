@@ -7,7 +7,6 @@ sample.
 
 import dataclasses
 
-
 import numpy as np
 
 from tuning.logs.edge_speed import EdgeStudy, Placed

@@ -103,9 +103,10 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
     plain = pitch * passings.tooth
     counted = passings.tooth
     angle, rough, noise = plain, *_noise(time, plain, passings.stretch)
-    repeats = repetition(log.name, passings, rough.off)
+    usual_speed = float(pitch * np.median(np.diff(passings.tooth) / np.diff(time)))
+    repeats = repetition(log.name, passings, rough.off, usual_speed * log.step * log.clock)
     if repeats == log.teeth // 2 and passings.both and both is None:
-        said = f"{log.teeth} declared, but errors repeat after {repeats}: {repeats} teeth, both of whose edges were counted"
+        said = f"{log.teeth} declared, but errors repeat after {repeats}: {repeats} teeth, both edges of which were counted"
         study = study_of(dataclasses.replace(log, teeth=repeats), period=period, both=both)
         return study._replace(notes=(*study.notes, said))
     if repeats is not None and repeats < passings.pattern.slots:
@@ -114,7 +115,6 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
             f"{passings.pattern.slots // repeats} times as fast as one of the {passings.pattern.slots} declared"
         )
     clear = errors.refined(moved % errors.mean.size, -rough.raw / pitch, ROUGH)
-    usual_speed = float(pitch * np.median(np.diff(passings.tooth) / np.diff(time)))
     if clear.any():
         known = pitch * (passings.tooth + clear[moved % clear.size])
         other, less = _noise(time, known, passings.stretch)

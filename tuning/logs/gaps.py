@@ -4,8 +4,8 @@ On both sides of a gap of length T the wheel is known, so that in between
 
     th1 - th0 = T (w0 + w1) / 2 + T^2 (a0 - a1) / 12,    (w1 - w0) / T = (a0 + a1) / 2
 
-up to terms of higher order. A counter of 16 bits that overflowed unseen leaves T unknown by laps of its range: T is that
-lap for which the teeth fall on their places and the speeds go with the accelerations, if there is but one.
+up to terms of higher order. A counter of 16 bits that overflowed unseen leaves T unknown by laps of its range: T is
+that lap for which the teeth fall on their places and the speeds go with the accelerations, if there is but one.
 """
 
 from collections.abc import Callable
@@ -66,8 +66,8 @@ def rejoined(
             else:
                 chosen = int(order[0])
                 notes.append(
-                    f"a gap at {log.clock * stamps[after - 1]:.6g} s: {length[chosen]:.4g} s long by speed and teeth on "
-                    f"both sides; the counter overflows every {log.modulus * log.clock:.4g} s"
+                    f"a gap at {log.clock * stamps[after - 1]:.6g} s: {length[chosen]:.4g} s long by speed and teeth "
+                    f"on both sides; the counter overflows every {log.modulus * log.clock:.4g} s"
                 )
         passed = tooth[after] - tooth[after - 1]
         steps = np.round((turned[chosen] - passed) / pattern.period) * pattern.period

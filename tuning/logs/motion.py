@@ -51,7 +51,7 @@ def fitted(time, angle, stretch, half: int, only: np.ndarray | None = None) -> M
 
 
 def _cubic(time, angle, here, begin, last, count: int):
-    """Coefficients at each edge; the noise of the edge off the fit, of speed and of acceleration over that of angles."""
+    """Coefficients at each edge; noise of the edge off the fit, of speed and acceleration, over that of angles."""
     index = begin[:, None] + np.arange(count)
     weight = (index <= last[:, None]).astype(float)
     index = np.minimum(index, last[:, None])

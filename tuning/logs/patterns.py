@@ -1,8 +1,8 @@
-"""Wheels that lack teeth: the pattern found from the places that stay empty, named, and held against the declared teeth.
+"""Wheels that lack teeth: the pattern found from places that stay empty, named, and held against the declared teeth.
 
 Where a tooth is missing, one is missing a revolution later too: the share of empty places that are empty L places on,
-over all L, is largest at the teeth of a revolution. Names are those in use: 36-1 is a wheel of 36 pitches that lacks one
-tooth, 36-2-2 lacks two in two places.
+over all L, is largest at the teeth of a revolution. Names are those in use: 36-1 is a wheel of 36 pitches that lacks
+one tooth, 36-2-2 lacks two in two places.
 """
 
 import dataclasses

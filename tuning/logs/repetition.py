@@ -15,17 +15,20 @@ CLEAR = 0.6
 OTHER = 0.5
 """Share of that correlation below which a number of teeth is not theirs."""
 AS_GOOD = 0.9
+ROUNDING = 0.6
+"""Median error in ticks up to which it may be rounding."""
 LARGEST = 5.0
 """Errors beyond so many times their median are cut."""
 
 
-def repetition(name: str, passings: Passings, off: np.ndarray) -> int | None:
+def repetition(name: str, passings: Passings, off: np.ndarray, tick: float) -> int | None:
     """Teeth after which errors repeat: those declared, or a half, a third or a quarter of them; None if they do not.
 
     Args:
         name: of the log, for messages.
         passings: its teeth.
         off: what each edge is off a smooth motion, (edges,).
+        tick: by which rounding may put an edge off, in the unit of `off`: at constant speed that repeats too.
 
     Raises:
         LogError: if they clearly repeat after another number.
@@ -35,6 +38,8 @@ def repetition(name: str, passings: Passings, off: np.ndarray) -> int | None:
         # Rising and falling edges are off in turn; what is looked for is what the teeth are.
         kind = 2 * passings.stretch + passings.tooth % 2
         off = off - np.array([np.median(off[kind == k]) if k in kind else 0.0 for k in range(kind.max() + 1)])[kind]
+    if np.median(np.abs(off)) < ROUNDING * tick:
+        return None
     limit = LARGEST * max(float(np.median(np.abs(off))), 1e-300)
     parts = []
     for number in np.unique(passings.stretch):

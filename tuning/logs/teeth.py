@@ -1,14 +1,13 @@
 """Which edge is which tooth: doubled and missed edges, gaps, both edges of a tooth, and wheels that lack teeth.
 
-Edges between two that are regular, each a pitch from its neighbours, are placed by the time between those: what is near
-a place is the tooth, what is not is an edge too many, and a place without an edge is a tooth missed. Where the number of
-places is not certain, the log is cut, and counted anew behind. Places that stay empty in every revolution are the
-pattern of a wheel that lacks teeth; its repetition tells how many teeth there are.
+Edges between two that are regular, each a pitch from its neighbours, are placed by the time between those: what is
+near a place is the tooth, what is not is an edge too many, and a place without an edge is a tooth missed. Where the
+number of places is not certain, the log is cut, and counted anew behind. Places that stay empty in every revolution
+are the pattern of a wheel that lacks teeth; its repetition tells how many teeth there are.
 
 The thresholds are ours.
 """
 
-import dataclasses
 from typing import NamedTuple
 
 import numpy as np
@@ -125,12 +124,10 @@ def passings_of(log: EdgeLog, both: bool | None = None) -> Passings:
     if pattern.absent:
         cut = cut & ~_bridged(time[index], place, cut)
         stretch = np.cumsum(cut)
-    if alternating:
-        wide = share if share is not None else 0.5
-        notes.append(
-            f"intervals alternate, {wide:.0%} and {1 - wide:.0%} of a pitch: both edges of {pattern.slots if two else pattern.slots // 2} "
-            f"teeth{'; one of them is taken' if two else ''}"
-        )
+    if share is not None:
+        teeth = pattern.slots // pattern.edges
+        said = f"intervals alternate, {share:.0%} and {1 - share:.0%} of a pitch: both edges of {teeth} teeth"
+        notes.append(said + ("; one of them is taken" if two else ""))
     absent = pattern.absent_between(place)
     missed_here = np.concatenate([[0], np.diff(place) - 1]) - absent
     missed_here[cut] = 0

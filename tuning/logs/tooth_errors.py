@@ -28,7 +28,7 @@ class ToothErrors(NamedTuple):
     error: np.ndarray
     """of every edge, (edges,)"""
     mean: np.ndarray
-    """by tooth, (teeth,); 0 of teeth that are missing"""
+    """by tooth, (teeth,)"""
     missing: int
     """edges that are missing from the log"""
     shift: np.ndarray
@@ -94,9 +94,11 @@ def unknown_share(clear: np.ndarray, half: int) -> float:
     order = np.arange(size.size)
     found, slow = size > NOTHING * size.max(initial=0), order < teeth / (2 * half + 1)
     low = (order > 0) & slow & ~found
-    if not (found & ~slow).any() or not low.any():
+    # What alternates from tooth to tooth says nothing of the others.
+    told = found & ~slow & (2 * order < teeth)
+    if not told.any() or not low.any():
         return 0.0
-    usual = np.sqrt(np.mean(size[found & ~slow] ** 2))
+    usual = np.sqrt(np.mean(size[told] ** 2))
     return float(2 * np.pi / teeth * usual * np.sqrt(0.5 * np.sum(order[low] ** 2)))
 
 
@@ -149,8 +151,13 @@ def _errors(passings: Passings, inside: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _mean(tooth: np.ndarray, error: np.ndarray, teeth: int) -> np.ndarray:
+    """By tooth; of those never seen, that of every second tooth as they are, so that both edges of a tooth go with it."""
     count = np.bincount(tooth, minlength=teeth)
-    return np.bincount(tooth, error, teeth) / np.maximum(count, 1)
+    mean = np.bincount(tooth, error, teeth) / np.maximum(count, 1)
+    for half in (0, 1):
+        seen = count[half::2] > 0
+        mean[half::2][~seen] = mean[half::2][seen].mean() if seen.any() else 0.0
+    return mean
 
 
 def _shift(reference: np.ndarray, other: np.ndarray) -> int:
