@@ -38,7 +38,7 @@ def signals_figure(study: LogStudy, turning: Turning):
                 panel.plot(time[part], values, label=label, **style)
             panel.set(xlabel="time [s]", ylabel=UNITS[signal])
             panel.grid(alpha=0.3)
-    axes[0, 0].legend(loc="upper right", fontsize="small")
+    axes[0, 0].legend(loc="lower left", fontsize="small")
     axes[0, 1].set_title("the end of the log", fontsize="medium")
     figure.tight_layout()
     return figure

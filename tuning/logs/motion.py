@@ -43,7 +43,7 @@ def fitted(time, angle, stretch, half: int, only: np.ndarray | None = None) -> M
     begin = np.maximum(np.minimum(here - half, last - 2 * half), first)
     inner = (here - half >= first) & (here + half <= last)
     parts = [
-        _cubic(time, angle, *(x[k : k + CHUNK] for x in (here, begin, last)), 2 * half + 1)
+        _cubic(time, angle, here[k : k + CHUNK], begin[k : k + CHUNK], last[k : k + CHUNK], 2 * half + 1)
         for k in range(0, here.size, CHUNK)
     ]
     found, noise = (np.concatenate(x) for x in zip(*parts)) if parts else (np.zeros((0, 4)), np.zeros((0, 3)))

@@ -151,7 +151,7 @@ def _errors(passings: Passings, inside: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _mean(tooth: np.ndarray, error: np.ndarray, teeth: int) -> np.ndarray:
-    """By tooth; of those never seen, that of every second tooth as they are, so that both edges of a tooth go with it."""
+    """By tooth; of those never seen, as of every second tooth, so that it holds where both edges of a tooth count."""
     count = np.bincount(tooth, minlength=teeth)
     mean = np.bincount(tooth, error, teeth) / np.maximum(count, 1)
     for half in (0, 1):
