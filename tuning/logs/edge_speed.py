@@ -26,6 +26,10 @@ QUIET = 1.0
 """rad/s^2: noise of the acceleration that is quiet enough"""
 NO_LOUDER = 4.0
 """Fits, as they are at the ends of a stretch, whose noise is so many times the usual are not trusted."""
+LONGEST_FIT = 0.1
+"""s; a wheel may do anything in a longer time"""
+CHECKED = 20_000
+"""Edges at which fits of two lengths are compared."""
 LOUD = 5.0
 """rad/s^2: noise of the acceleration that is worth a word"""
 FAST = 0.05
@@ -34,8 +38,8 @@ WORTH = 0.9
 """The errors of the teeth are taken off if the noise falls below so many times what it was."""
 OUTLIER, LEAST_OUTLIER = 8.0, 0.02
 """An edge so many times the noise, and so many pitches, off the fit is none."""
-AROUND = 31
-"""Edges among which one stands out."""
+AROUND, AROUND_SHORT = 31, 11
+"""Edges among which one stands out; and of the shortest fits, which must leave little."""
 SLIPPED = 3
 """Such edges in a row that mean that a tooth was lost or counted twice."""
 LONGEST_WAIT = 0.05
@@ -106,7 +110,7 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
     usual_speed = float(pitch * np.median(np.diff(passings.tooth) / np.diff(time)))
     repeats = repetition(log.name, passings, rough.off, usual_speed * log.step * log.clock)
     if repeats == log.teeth // 2 and passings.both and both is None:
-        said = f"{log.teeth} declared, but errors repeat after {repeats}: {repeats} teeth, both edges of which were counted"
+        said = f"{log.teeth} declared, but errors repeat after {repeats}: both edges of {repeats} teeth were counted"
         study = study_of(dataclasses.replace(log, teeth=repeats), period=period, both=both)
         return study._replace(notes=(*study.notes, said))
     if repeats is not None and repeats < passings.pattern.slots:
@@ -153,6 +157,10 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
         time, angle, stretch = time[~bad], angle[~bad], stretch[~bad]
     else:
         stretch = passings.stretch
+    # Where even the shortest fit leaves far more than the noise, teeth were not counted right.
+    short = fitted(time, angle, stretch, HALVES[0])
+    level = NORMAL * median_filter(np.abs(short.off), size=AROUND_SHORT, mode="mirror")
+    repaired |= level > np.maximum(OUTLIER * noise, LEAST_OUTLIER * pitch)
     motion = _quiet(time, angle, stretch, noise)
     turning = _sampled(log, time, motion, stretch, repaired, period)
     plain_step = np.round(np.diff(angle, prepend=angle[0] - pitch) / pitch) == 1
@@ -161,6 +169,11 @@ def study_of(log: EdgeLog, *, period: float = 1e-3, both: bool | None = None) ->
     loud = float(np.median(motion.noise[:, 1]) * noise)
     if loud > LOUD:
         doubts.append(f"edges are {noise / pitch:.2g} cycles off: accelerations are so by {loud:.2g} rad/s^2")
+    swift = _swift(time, angle, stretch, noise)
+    if swift > LOUD:
+        doubts.append(
+            f"the acceleration changes faster than {passings.pattern.name} teeth tell: it is off by {swift:.2g} rad/s^2"
+        )
     trusted = float(turning.valid.mean())
     if unknown is not None:
         placed = placed._replace(joined=placed.joined & (placed.time <= unknown * log.clock))
@@ -197,14 +210,31 @@ def _noise(time, angle, stretch) -> tuple[Motion, float]:
 
 def _quiet(time, angle, stretch, noise: float) -> Motion:
     """At every edge the shortest of the fits that is quiet enough."""
-    best = fitted(time, angle, stretch, HALVES[0])
+    best, here = fitted(time, angle, stretch, HALVES[0]), np.arange(time.size)
     for half in HALVES[1:]:
-        loud = np.flatnonzero(best.noise[:, 1] * noise > QUIET)
+        length = time[np.minimum(here + half, time.size - 1)] - time[np.maximum(here - half, 0)]
+        loud = np.flatnonzero((best.noise[:, 1] * noise > QUIET) & (length < LONGEST_FIT))
         longer = fitted(time, angle, stretch, half, loud)
         better = longer.inner | ~best.inner[loud]
         for before, now in zip(best, longer):
             before[loud[better]] = now[better]
     return best
+
+
+def _swift(time, angle, stretch, noise: float) -> float:
+    """What the acceleration is off since it changes within the fits, as fits of two lengths tell, rad/s^2.
+
+    It grows with the square of their length; what noise may make of the difference is taken off twice.
+    """
+    some = np.arange(0, time.size, 1 + time.size // CHECKED)
+    short, longer = (fitted(time, angle, stretch, half, some) for half in HALVES[:2])
+    inner = short.inner & longer.inner
+    if not inner.any():
+        return 0.0
+    apart = NORMAL * np.median(np.abs(short.acceleration - longer.acceleration)[inner])
+    expected = noise * np.median(np.hypot(short.noise[inner, 1], longer.noise[inner, 1]))
+    beyond = float(np.sqrt(max(apart**2 - (2 * expected) ** 2, 0.0)))
+    return beyond * HALVES[0] ** 2 / (HALVES[1] ** 2 - HALVES[0] ** 2)
 
 
 def _filled(log: EdgeLog, passings: Passings, motion: Motion, kept: np.ndarray) -> EdgeLog:

@@ -132,6 +132,11 @@ def _declared(found: Pattern, slots: int) -> Pattern:
             f"the gaps repeat after {found.period} pitches: a {pattern.name} wheel, as declared, or a "
             f"{found.name} wheel, and then it turns {slots // found.period} times as fast",
         )
+    elif pattern.edges == 1 and all(gap >= 4 and gap % 2 == 0 for gap in pattern.gaps):
+        doubts = (
+            f"a {pattern.name} wheel, or both edges of one that lacks half as many in each gap: "
+            "then it turns half as fast",
+        )
     return dataclasses.replace(pattern, notes=(note,), doubts=doubts)
 
 
