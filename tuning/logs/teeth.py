@@ -67,6 +67,8 @@ class _Template(NamedTuple):
     places: tuple[float, ...]
     regular: float
     near: float
+    steps: int
+    """intervals after which they repeat"""
 
 
 class _Counted(NamedTuple):
@@ -98,10 +100,10 @@ def passings_of(log: EdgeLog, both: bool | None = None) -> Passings:
     steps = np.diff(time)
     share = _alternation(steps)
     notes, doubts = [], []
-    template, alternating = _Template((0.0,), REGULAR, NEAR), share is not None
+    template, alternating = _Template((0.0,), REGULAR, NEAR, 1 + (share is not None)), share is not None
     if share is not None and share < UNLIKE:
         room = min(share, 0.5 - share)
-        template = _Template((0.0, share), min(REGULAR, 0.45 * room), min(NEAR, 0.45 * room))
+        template = _Template((0.0, share), min(REGULAR, 0.45 * room), min(NEAR, 0.45 * room), 2)
     counted = _counted(log, time, template)
     two = len(template.places) == 2
     taken = counted.half == 0
@@ -186,10 +188,10 @@ def _alternation(steps: np.ndarray) -> float | None:
 def _counted(log: EdgeLog, time: np.ndarray, template: _Template) -> _Counted:
     steps = np.diff(time)
     width = len(template.places)
-    over = time[width:] - time[:-width]
-    pitch = median_filter(over, size=AROUND[width - 1], mode="mirror")
+    over = (time[template.steps :] - time[: -template.steps]) * width / template.steps
+    pitch = median_filter(over, size=AROUND[template.steps - 1], mode="mirror")
     pitch = np.concatenate([pitch, np.full(time.size - pitch.size, pitch[-1])])
-    if width == 2:
+    if template.steps == 2:
         pitch = np.concatenate([pitch[:1], 0.5 * (pitch[1:] + pitch[:-1])])
     slack = log.step / pitch[:-1]
     share = steps / pitch[:-1]
