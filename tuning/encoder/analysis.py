@@ -16,53 +16,13 @@ PER_ORDER, FEWEST_POINTS = 4, 128
 """Points a revolution is resampled to, for every order of the spectrum, and at least."""
 LARGEST_CAPACITY = 32
 """Most edges between two samples."""
-MISSED = 1.6
-"""An interval so many times those around it has an edge missing in it."""
-
-NORMAL = 1.4826
-"""Standard deviation of a normal distribution over its median deviation."""
-
-
-class ToothErrors(NamedTuple):
-    """Where the edges of an encoder lie off their places, in encoder cycles."""
-
-    tooth: np.ndarray
-    """of every edge, (edges,); tooth 0 is the first of the log"""
-    error: np.ndarray
-    """of every edge, (edges,)"""
-    mean: np.ndarray
-    """by tooth, (teeth,)"""
-    missing: int
-    """edges that are missing from the log"""
-
-    @property
-    def eccentricity(self) -> float:
-        """e / r: amplitude of the first harmonic of the mean error, rad."""
-        teeth = self.mean.size
-        return float(2 / teeth * abs(np.fft.fft(self.mean)[1]) * 2 * np.pi / teeth)
-
-    @property
-    def tolerance(self) -> float:
-        """Half the width of a uniform distribution of what the first harmonic leaves of the mean error, cycles."""
-        teeth = self.mean.size
-        spectrum = np.fft.rfft(self.mean)
-        spectrum[:2] = 0.0
-        return float(np.sqrt(3) * np.fft.irfft(spectrum, teeth).std())
-
-    @property
-    def jitter(self) -> float:
-        """Standard deviation of what does not repeat from revolution to revolution, cycles.
-
-        From the median deviation, since a changing speed adds to the errors of its revolutions.
-        """
-        return float(NORMAL * np.median(np.abs(self.error - self.mean[self.tooth])))
 
 
 class LogStudy(NamedTuple):
     """A log run through a chain; arrays (samples,)."""
 
     time: np.ndarray
-    """since the first edge, s"""
+    """in the log's clock, s"""
     measured: Rotation
     """of the time-stamping algorithm"""
     speed: np.ndarray
@@ -72,6 +32,17 @@ class LogStudy(NamedTuple):
     valid: np.ndarray
     coefficients: dict[str, np.ndarray]
     """of the error learned from each signal, a1, b1, a2, b2, ... [rad]; none without a compensation"""
+
+    def within(self, valid: np.ndarray) -> "LogStudy":
+        """Valid where these samples are too; as many samples as there are of these."""
+        size = min(valid.size, self.time.size)
+        cut = {name: getattr(self, name)[:size] for name in ("time", "speed", "acceleration")}
+        measured = Rotation(*(x[:size] for x in self.measured))
+        return self._replace(**cut, measured=measured, valid=self.valid[:size] & valid[:size])
+
+    def without(self, signal: str) -> "LogStudy":
+        """A signal as it was measured."""
+        return self._replace(**{signal: getattr(self.measured, signal)})
 
 
 def study_log(log: EdgeLog, chain: WheelSpeedChain, period: float = 1e-3) -> LogStudy:
@@ -100,7 +71,7 @@ def study_log(log: EdgeLog, chain: WheelSpeedChain, period: float = 1e-3) -> Log
     }
     measured = found.measured
     return LogStudy(
-        (instants - instants[0]) * log.clock,
+        instants[0] * log.clock + (instants - instants[0]) * log.clock,
         Rotation(*map(np.asarray, measured.rotation)),
         np.asarray(found.speed),
         np.asarray(found.acceleration),
@@ -109,42 +80,9 @@ def study_log(log: EdgeLog, chain: WheelSpeedChain, period: float = 1e-3) -> Log
     )
 
 
-def tooth_errors(log: EdgeLog) -> ToothErrors:
-    """Errors of the edges against a wheel whose speed changes little within two revolutions.
-
-    The time of an edge is compared with the mean over the revolution around it, in which errors that repeat cancel.
-
-    Raises:
-        LogError: if a tooth is never seen.
-    """
-    steps = np.diff(log.stamps).astype(float)
-    around = np.median(np.stack([np.roll(steps, i) for i in (-2, -1, 1, 2)]), axis=0)
-    passed = np.where(steps > MISSED * around, np.maximum(np.round(steps / around), 1), 1).astype(int)
-    tooth = np.concatenate([[0], np.cumsum(passed)])
-    # Missing edges are put back where a straight line has them.
-    every = np.arange(tooth[-1] + 1)
-    time = np.interp(every, tooth, (log.stamps - log.stamps[0]).astype(float))
-    window = np.ones(log.teeth + 1) / log.teeth
-    window[[0, -1]] *= 0.5
-    if log.teeth % 2:
-        window = np.ones(log.teeth) / log.teeth
-    smooth = np.convolve(time, window, mode="valid")
-    half = (window.size - 1) // 2
-    inner = slice(half, half + smooth.size)
-    pace = np.convolve(np.gradient(time), window, mode="valid")
-    error = (time[inner] - smooth) / pace
-    # What a changing speed adds is the same for all teeth of a revolution.
-    centred = error - np.convolve(np.pad(error, half, mode="edge"), window, mode="valid")
-    seen = np.isin(every[inner], tooth)
-    index = every[inner] % log.teeth
-    unseen = np.setdiff1d(np.arange(log.teeth), index[seen])
-    if unseen.size:
-        raise LogError(
-            f"{log.name}: tooth {unseen[0]} of {log.teeth}, counted from the first edge, never passes "
-            f"({unseen.size} such teeth); is the number of teeth right?"
-        )
-    mean = np.array([centred[seen & (index == k)].mean() for k in range(log.teeth)])
-    return ToothErrors(index[seen], centred[seen], mean, int((passed - 1).sum()))
+def periodic_part(study: LogStudy, signal: str, compensated: bool, teeth: int) -> float:
+    """Rms of a signal at the multiples of the wheel's frequency that the teeth tell apart."""
+    return float(np.sqrt(0.5 * np.sum(order_spectrum(study, signal, compensated, teeth // 2) ** 2)))
 
 
 def order_spectrum(study: LogStudy, signal: str, compensated: bool, orders: int = 30) -> np.ndarray:

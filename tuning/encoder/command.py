@@ -1,19 +1,29 @@
 """`encoder`, `tune-encoder`, `encoder-study`: wheel speed from edges, its compensation tuned, and studied."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
 from tuning.core.command import Force, Out, Resume, carry_out, tune
 
+Kind = Literal["ticks", "seconds", "periods", "levels"]
+
 
 def encoder(
-    log: Annotated[Path, typer.Argument(help="Edge times of an encoder, CSV with a header, a row an edge.")],
+    log: Annotated[Path, typer.Argument(help="Edges of an encoder: CSV, Parquet, MATLAB or MDF; a row an edge.")],
     out: Out,
-    teeth: Annotated[int, typer.Option(help="Teeth (pulses in a revolution).")] = 60,
-    clock: Annotated[float, typer.Option(help="Length of a clock tick [s].")] = 1e-6,
-    column: Annotated[str, typer.Option(help="Column with the edge times, integer ticks.")] = "edge_tick",
+    teeth: Annotated[int, typer.Option(help="Teeth of the wheel, missing ones counted.")] = 60,
+    clock: Annotated[
+        float | None, typer.Option(help="Length of a clock tick [s]; as the file says it, or 1 us, if missing.")
+    ] = None,
+    column: Annotated[str | None, typer.Option(help="Column with the edges; known by its name if missing.")] = None,
+    kind: Annotated[
+        Kind | None, typer.Option(help="What it holds: ticks, seconds, periods, levels; recognised if missing.")
+    ] = None,
+    both: Annotated[
+        bool | None, typer.Option("--both/--one", help="Both edges of a tooth, or one; recognised if missing.")
+    ] = None,
     period: Annotated[float, typer.Option(help="Sampling period of the control unit [s].")] = 1e-3,
     events: Annotated[int, typer.Option(help="Edges in the fit, n.")] = 15,
     harmonics: Annotated[int | None, typer.Option(help="Harmonics compensated, M; all if missing.")] = None,
@@ -24,11 +34,13 @@ def encoder(
 
     def work():
         from tuning.encoder.tasks import chain_for, study_edges
+        from tuning.logs.edge_speed import study_of
         from tuning.logs.edges import read_edges
 
-        data = read_edges(log, teeth=teeth, clock=clock, column=column)
-        wanted = chain_for(data, events, harmonics, chain)
-        return (log, chain), lambda: study_edges(data, out, wanted, period)
+        data = read_edges(log, teeth=teeth, clock=clock, column=column, kind=kind)
+        edges = study_of(data, period=period, both=both)
+        wanted = chain_for(edges.filled, events, harmonics, chain)
+        return (log, chain), lambda: study_edges(edges, out, wanted, period)
 
     carry_out(out, work, force=force)
 

@@ -6,27 +6,39 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from tuning.encoder.analysis import LogStudy, ToothErrors, order_spectrum
+from tuning.encoder.analysis import LogStudy, order_spectrum
 from tuning.encoder.chains import SIGNALS
 from tuning.encoder.loop import Course
+from tuning.logs.edge_speed import Turning
+from tuning.logs.tooth_errors import ToothErrors
 
 UNITS = {"speed": "wheel speed [rad/s]", "acceleration": "wheel acceleration [rad/s²]"}
+BOTH_WAYS = {"color": "k", "lw": 0.8}
+MOST_POINTS = 30_000
+"""Edges shown."""
 MEASURED, COMPENSATED = {"color": "0.6", "lw": 0.8}, {"color": "C3", "lw": 1.1}
 
 
-def signals_figure(study: LogStudy):
-    """Both signals over time, measured and compensated, and the end of the log, a quarter of a second at most."""
+def signals_figure(study: LogStudy, turning: Turning):
+    """Both signals over time, as a control unit has them and looking both ways, and the end of the log, a quarter of a
+    second at most; gaps where nothing is trusted."""
     figure, axes = plt.subplots(2, 2, figsize=(12, 6.5), width_ratios=(2, 1))
-    time = study.time[study.valid]
-    late = time > time[-1] - min(0.25, 0.1 * (time[-1] - time[0]))
+    time, valid = study.time, study.valid
+    known = np.flatnonzero(valid)
+    late = slice(max(known[0], known[-1] - int(min(250, 0.1 * known.size))), known[-1] + 1)
     for row, signal in zip(axes, SIGNALS):
-        for panel, part in zip(row, (slice(None), late)):
-            measured, compensated = (getattr(x, signal)[study.valid] for x in (study.measured, study))
-            panel.plot(time[part], measured[part], label="measured (time-stamping)", **MEASURED)
-            panel.plot(time[part], compensated[part], label="compensated", **COMPENSATED)
+        for panel, part in zip(row, (slice(known[0], known[-1] + 1), late)):
+            lines = (
+                (study.measured, "measured (time-stamping)", MEASURED),
+                (study, "compensated", COMPENSATED),
+                (turning, "looking both ways", BOTH_WAYS),
+            )
+            for source, label, style in lines:
+                values = np.where(valid, getattr(source, signal)[: time.size], np.nan)[part]
+                panel.plot(time[part], values, label=label, **style)
             panel.set(xlabel="time [s]", ylabel=UNITS[signal])
             panel.grid(alpha=0.3)
-    axes[0, 0].legend(fontsize="small")
+    axes[0, 0].legend(loc="lower left", fontsize="small")
     axes[0, 1].set_title("the end of the log", fontsize="medium")
     figure.tight_layout()
     return figure
@@ -50,10 +62,11 @@ def spectrum_figure(study: LogStudy):
 def tooth_figure(errors: ToothErrors):
     """Errors of the edges by tooth (Aguado-Rojas 2019, Fig. 5.3)."""
     figure, axes = plt.subplots(figsize=(9, 4))
-    axes.plot(errors.tooth, errors.error, ".", ms=2, alpha=0.3, color="C0", label="every edge")
+    some = slice(None, None, max(1, errors.tooth.size // MOST_POINTS))
+    axes.plot(errors.tooth[some], errors.error[some], ".", ms=2, alpha=0.3, color="C0", label="edges")
     axes.plot(np.arange(errors.mean.size), errors.mean, "kx", ms=5, label="mean of a tooth")
     axes.set(xlabel="tooth, from the first edge of the log", ylabel="error of the edge [encoder cycles]")
-    axes.legend(fontsize="small")
+    axes.legend(loc="upper right", fontsize="small")
     axes.grid(alpha=0.3)
     return figure
 

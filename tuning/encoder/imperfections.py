@@ -14,10 +14,11 @@ import numpy as np
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.position import PositionLeastSquares, learn_position
 from absjax.encoder.wheel_speed import estimate
-from tuning.encoder.analysis import ToothErrors, tooth_errors
 from tuning.encoder.bench import PERIOD, SPEED, bench_of, mean_errors
 from tuning.encoder.chains import SIGNALS, filtered_chain, least_harmonics, measured_chain
 from tuning.logs.edges import EdgeLog
+from tuning.logs.teeth import passings_of
+from tuning.logs.tooth_errors import ToothErrors, tooth_errors
 
 REVOLUTIONS = 102
 """Of which the first and the last are not drawn."""
@@ -47,7 +48,10 @@ def steady_log(encoder: Encoder, name: str = "simulated") -> EdgeLog:
 
 def transitions() -> dict[str, ToothErrors]:
     """Errors of the edges, as a log of them tells, by encoder."""
-    return {name: tooth_errors(steady_log(Encoder.random(SEED, **made), name)) for name, made in ENCODERS.items()}
+    return {
+        name: tooth_errors(passings_of(steady_log(Encoder.random(SEED, **made), name)))
+        for name, made in ENCODERS.items()
+    }
 
 
 def transition_rows(found: dict[str, ToothErrors]) -> list[dict[str, Any]]:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from absjax.encoder.encoder import Encoder
 from absjax.encoder.wheel_speed import WheelSpeedChain, estimate
@@ -17,9 +16,17 @@ from tuning.core.files import read_json, write_json
 from tuning.core.journal import Journal
 from tuning.core.report import Report
 from tuning.encoder import figures, imperfections, notching, sticking
-from tuning.encoder.analysis import LogStudy, order_spectrum, study_log, tooth_errors
+from tuning.encoder.analysis import LogStudy, periodic_part, study_log
 from tuning.encoder.bench import PERIOD, bench_of
-from tuning.encoder.chains import SIGNALS, all_harmonics, edge_chain, filtered_chain, measured_chain, notch_chain
+from tuning.encoder.chains import (
+    SIGNALS,
+    all_harmonics,
+    edge_chain,
+    enough_harmonics,
+    filtered_chain,
+    measured_chain,
+    notch_chain,
+)
 from tuning.encoder.config import EncoderConfig
 from tuning.encoder.loop import HORIZON, SPEED, braking_loop, course, loop_row, sensors
 from tuning.encoder.study import (
@@ -32,77 +39,110 @@ from tuning.encoder.study import (
     table_rows,
 )
 from tuning.encoder.tune import EncoderResult, losses, training_benches, tune_encoder
+from tuning.logs.edge_speed import EdgeStudy
 from tuning.logs.edges import EdgeLog
 from tuning.logs.tables import LogError
 
+LEAST_VALID = 1.0
+"""s of a log that the spectra and the comparison with the measured signals need"""
+LONG_LOG = 300_000
+"""Edges from which on only so many harmonics are compensated as the residual needs, if nobody says how many."""
 LOOP_EVENTS = 12
 LOOP_TOLERANCE, LOOP_ECCENTRICITY = 0.004, 2.5e-4
 """Of the encoders in the loop, cycles and m; the source does not tell its own. At 0.16 mm 4 of 20 raw stops stick."""
 LOOP_TITLE = "dry concrete from 130 to 20 km/h; slip and x2 above 60 km/h"
 
 
-def study_edges(log: EdgeLog, out: Path, chain: WheelSpeedChain, period: float) -> Report:
+def study_edges(edges: EdgeStudy, out: Path, chain: WheelSpeedChain, period: float) -> Report:
     """Wheel speed and acceleration from a log of edges, and the encoder's errors: tables, CSV, JSON, figures."""
-    study, errors = study_log(log, chain, period), tooth_errors(log)
-    if study.valid.sum() * period < 1.0:
-        raise LogError(f"{log.name}: {study.valid.sum() * period:.3g} s of valid samples, 1 s needed")
-    rows = []
-    orders = log.teeth // 2
-    for signal in SIGNALS:
-        before, after = (np.sqrt(0.5 * np.sum(order_spectrum(study, signal, c, orders) ** 2)) for c in (False, True))
-        rows.append(
-            {
-                "signal": signal,
-                "periodic part, measured": float(f"{before:.4g}"),
-                "compensated": float(f"{after:.4g}"),
-                "ratio": round(before / after, 2),
-            }
-        )
+    log, notes, errors = edges.log, list(edges.notes), edges.errors
+    teeth = edges.passings.pattern.slots
+    study = study_log(edges.filled, chain, period).within(edges.turning.valid)
+    if chain.speed is not None and chain.speed.harmonics < all_harmonics(teeth):
+        notes.append(f"compensated as in a control unit: {chain.speed.harmonics} harmonics of {all_harmonics(teeth)}")
+    rows, files = [], []
+    if study.valid.sum() * period >= LEAST_VALID:
+        for signal in SIGNALS:
+            before, after = (periodic_part(study, signal, compensated, teeth) for compensated in (False, True))
+            if after > before:
+                notes.append(f"compensation of the {signal} made it worse, {after:.3g} for {before:.3g}: switched off")
+                study = study.without(signal)
+                after = before
+            rows.append(
+                {
+                    "signal": signal,
+                    "periodic part, measured": float(f"{before:.4g}"),
+                    "compensated": float(f"{after:.4g}"),
+                    "ratio": round(before / after, 2) if after else 1.0,
+                }
+            )
+        files = [
+            save(figures.signals_figure(study, edges.turning), out / "signals.png"),
+            save(figures.spectrum_figure(study), out / "spectrum.png"),
+        ]
+    verdict, reasons = edges.verdict, list(edges.reasons)
+    if not rows and verdict != "refuted":
+        verdict = "doubtful"
+        reasons.append(f"{study.valid.sum() * period:.3g} s of the log can be trusted, {LEAST_VALID:g} s needed")
     encoder = [
         {
+            "wheel": edges.passings.pattern.name,
             "edges": log.stamps.size,
-            "missing": errors.missing,
-            "revolutions": round(log.stamps.size / log.teeth, 1),
+            "left out": edges.passings.doubled,
+            "missing": edges.passings.missed,
+            "gaps": edges.passings.cuts,
+            "trusted [%]": round(100 * float(edges.turning.valid.mean()), 1),
+            "revolutions": round(float(edges.passings.tooth[-1] - edges.passings.tooth[0]) / teeth, 1),
             "e / r": float(f"{errors.eccentricity:.4g}"),
             "teeth within [cycles]": float(f"{errors.tolerance:.4g}"),
-            "jitter [cycles]": float(f"{errors.jitter:.2g}"),
+            "jitter [cycles]": float(f"{edges.noise:.2g}"),
         }
     ]
-    tables = {"rms at multiples of the wheel's frequency [rad/s, rad/s^2]": rows, "the encoder": encoder}
+    tables = {"the encoder": encoder}
+    if rows:
+        tables = {"rms at multiples of the wheel's frequency [rad/s, rad/s^2]": rows, **tables}
     result = {
         "log": log.name,
+        "verdict": verdict,
+        "reasons": reasons,
+        "notes": notes,
         "coefficients": {signal: values.tolist() for signal, values in study.coefficients.items()},
         "tooth_errors": errors.mean.tolist(),
         "tables": tables,
     }
-    files = [
-        _write_signals(study, out / "wheel_speed.csv"),
-        write_json(out / "result.json", result),
-        save(figures.signals_figure(study), out / "signals.png"),
-        save(figures.spectrum_figure(study), out / "spectrum.png"),
-        save(figures.tooth_figure(errors), out / "teeth.png"),
-    ]
-    if study.coefficients:
+    files = [_write_signals(study, edges, out / "wheel_speed.csv"), write_json(out / "result.json", result), *files]
+    if errors.tooth.size:
+        files.append(save(figures.tooth_figure(errors), out / "teeth.png"))
+    if study.coefficients and rows:
         files.append(save(figures.coefficients_figure(study), out / "coefficients.png"))
-    return Report(tables, [], files)
+    lines = [f"verdict: {verdict}", *(f"  {reason}" for reason in reasons), *notes]
+    return Report(tables, lines, files)
 
 
-def _write_signals(study: LogStudy, path: Path) -> Path:
+def _write_signals(study: LogStudy, edges: EdgeStudy, path: Path) -> Path:
+    turning, size = edges.turning, study.time.size
     columns = {
-        "time_s": study.time,
-        "wheel_speed_rad_s": study.speed,
-        "wheel_acceleration_rad_s2": study.acceleration,
+        "time_s": turning.time[:size],
+        "wheel_speed_rad_s": turning.speed[:size],
+        "wheel_acceleration_rad_s2": turning.acceleration[:size],
+        "compensated_wheel_speed_rad_s": study.speed,
+        "compensated_wheel_acceleration_rad_s2": study.acceleration,
         "measured_wheel_speed_rad_s": study.measured.speed,
         "measured_wheel_acceleration_rad_s2": study.measured.acceleration,
-        "valid": study.valid.astype(int),
+        "valid": turning.valid[:size],
     }
+    # Logs of an hour are written in one go: row by row takes longer than all else.
+    line = "%.9f" + ",%.9g" * (len(columns) - 2) + ",%d"
+    rows = zip(*(values.tolist() for values in columns.values()))
     path.parent.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame(columns).to_csv(path, index=False, float_format="%.9g")
+    path.write_text("\n".join([",".join(columns), *(line % row for row in rows)]) + "\n")
     return path
 
 
 def chain_for(log: EdgeLog, events: int, harmonics: int | None, tuned: Path | None) -> WheelSpeedChain:
     """The chain for a log: with regressors made of the edges, or as `tune-encoder` has left it.
+
+    All harmonics are compensated unless told otherwise; in logs of more than `LONG_LOG` edges ceil(1.5 N / n).
 
     Raises:
         LogError: if the tuned chain is for another number of teeth, or the file is not a result of `tune-encoder`.
@@ -112,6 +152,8 @@ def chain_for(log: EdgeLog, events: int, harmonics: int | None, tuned: Path | No
             raise LogError(f"events = {events} must lie between 3 and {10 * log.teeth}")
         if harmonics is not None and not 1 <= harmonics <= all_harmonics(log.teeth):
             raise LogError(f"harmonics = {harmonics} must lie between 1 and {all_harmonics(log.teeth)}")
+        if harmonics is None and log.stamps.size > LONG_LOG:
+            harmonics = enough_harmonics(log.teeth, events)
         return edge_chain(log.teeth, events, harmonics)
     try:
         result = EncoderResult.from_json(read_json(tuned))

@@ -13,6 +13,8 @@ import numpy as np
 
 from tuning.logs.channel_map import BRAKING, COLUMNS, REQUIRED, Choice, Source, checked, parse_columns, sources_of
 from tuning.logs.checks import check_agreement, check_sampling, check_values
+from tuning.logs.edge_channel import with_wheel_speed
+from tuning.logs.edge_speed import EdgeStudy
 from tuning.logs.grid import Signal, gaps_of, grid_of
 from tuning.logs.quality import Quality, quality_of
 from tuning.logs.recording import LogError
@@ -101,6 +103,7 @@ def read_log(
     start: float | None = None,
     end: float | None = None,
     radius: float = 0.3,
+    edges: EdgeStudy | None = None,
 ) -> BrakeLog:
     """Read and check a brake log.
 
@@ -110,11 +113,12 @@ def read_log(
         start: of the window of time to use [s].
         end: of that window [s].
         radius: wheel radius [m], for speeds of the rim, and the test whether wheel and vehicle speed agree.
+        edges: of the wheel, on the log's clock; its speed is then made of them, whatever the log has.
 
     Raises:
         LogError: naming file, column and row of whatever keeps the log from being used.
     """
-    return reading(path, columns, start=start, end=end, radius=radius).log
+    return reading(path, columns, start=start, end=end, radius=radius, edges=edges).log
 
 
 def reading(
@@ -124,11 +128,16 @@ def reading(
     start: float | None = None,
     end: float | None = None,
     radius: float = 0.3,
+    edges: EdgeStudy | None = None,
 ) -> Reading:
     """`read_log`, with what it was made of."""
     path = Path(path)
     recording = read_recording(path)
-    found, notes = sources_of(recording, checked(columns or {}), radius)
+    columns = dict(columns or {})
+    if edges is not None:
+        recording = with_wheel_speed(recording, edges)
+        columns.pop("wheel_speed", None)
+    found, notes = sources_of(recording, checked(columns), radius)
     sources = {source.signal: source for source in found}
     signals, left_out = signals_of(recording, found, radius)
     signals, empty = _filled(path, signals)
@@ -149,7 +158,7 @@ def reading(
         measured=grid.measured,
         resolution={signal.name: quality.resolution for signal, quality in zip(signals, qualities)},
         notes=(*recording.notes, *notes, *left_out, *empty, *signs, *notes_on(path, signals, qualities, grid)),
-        doubts=tuple(doubts_on(signals, qualities)),
+        doubts=(*(edges.reasons if edges else ()), *doubts_on(signals, qualities)),
     )
     log = _moving(path, log)
     doubts = check_agreement(path, sources, log, radius)

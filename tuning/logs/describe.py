@@ -32,7 +32,7 @@ def described(
     Raises:
         LogError: if the log cannot be used, or a declaration.
     """
-    radius = float((Wheel() if car is None else read_car(car)).wheel.radius)
+    radius = float((Wheel() if car is None else read_car(car).wheel).radius)
     found = reading(log, declarations(columns, channels), start=start, end=end, radius=radius)
     result = description(found)
     files = [

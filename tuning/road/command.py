@@ -22,6 +22,9 @@ def identify(
     tyre: Annotated[
         str, typer.Option(help="Tyre curve: burckhardt, exponential_basis, or module:Class.")
     ] = "burckhardt",
+    edges: Annotated[Path | None, typer.Option(help="Edges of the wheel, for its speed; as `encoder` takes.")] = None,
+    teeth: Annotated[int, typer.Option(help="Teeth of the wheel, missing ones counted; of --edges.")] = 60,
+    clock: Annotated[float | None, typer.Option(help="Length of a clock tick of --edges [s].")] = None,
     force: Force = False,
 ) -> None:
     """The road's friction curve from a brake log: result.json and figures.
@@ -32,17 +35,20 @@ def identify(
 
     def work():
         from tuning.logs.car import car_of
+        from tuning.logs.edge_speed import study_of
+        from tuning.logs.edges import read_edges
 
         given = car_of(log, car)
-        return (log, given, channels), lambda: identified(
-            log, out, columns, given, load, start, end, tyre, channels=channels
+        wheel = None if edges is None else study_of(read_edges(edges, teeth=teeth, clock=clock))
+        return (log, given, channels, edges), lambda: identified(
+            log, out, columns, given, load, start, end, tyre, channels=channels, edges=wheel
         )
 
     carry_out(out, work, force=force)
 
 
 def identified(
-    log, out, columns=None, car=None, load=None, start=None, end=None, tyre="burckhardt", *, channels=None
+    log, out, columns=None, car=None, load=None, start=None, end=None, tyre="burckhardt", *, channels=None, edges=None
 ) -> Any:
     """Report of the friction curve of a log."""
     from tuning.core.files import write_json
@@ -59,7 +65,7 @@ def identified(
         known = dataclasses.replace(known, wheel=dataclasses.replace(known.wheel, load=load))
     wheel = known.wheel
     say(f"car: {car or 'default wheel'}, load {float(wheel.load):g} N, radius {float(wheel.radius):g} m")
-    data = read_log(log, declarations(columns, channels), start=start, end=end, radius=float(wheel.radius))
+    data = read_log(log, declarations(columns, channels), start=start, end=end, radius=float(wheel.radius), edges=edges)
     result = identify(data, known, tyre, progress=lambda text: say(f"  {text}"))
     lines = [f"verdict: {result.verdict}", *(f"  {reason}" for reason in result.reasons), *result.notes]
     lines += [f"{segment.start:.3f} s: {said}" for segment in result.segments for said in segment.statements]
