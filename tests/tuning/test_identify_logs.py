@@ -77,6 +77,8 @@ def test_random_stops_of_a_known_car(folder):
             assert segment.peak_friction == pytest.approx(surface.peak_friction, rel=0.02)
             for name, holds in zip(NAMES, inside(segment, surface)):
                 held[name].append(holds)
+            for low, high in segment.profile.values():
+                assert 0.8 < low < 1.25 and 0.8 < high < 1.25
         for change, true in zip(result.changes, record.truth.starts[1:]):
             assert abs(change - true) < 0.03
     count = len(held["c1"])

@@ -55,12 +55,27 @@ class Fit(NamedTuple):
     """(lanes, residuals), whitened"""
     covariance: np.ndarray
     """(parameters, parameters), robust against residuals that are correlated within a lane"""
-    inflation: float
-    """how many times larger its variances are for that, in the mean; at least 1"""
+    plain: np.ndarray
+    """the same as if residuals were independent"""
     cost: float
     """sum of squares, prior included"""
     iterations: int
     converged: bool
+
+    def of_all(self, shared: np.ndarray, free: np.ndarray) -> "Fit":
+        """The fit of all parameters, of which only those that are `free` were fitted; `shared` has the others."""
+        whole = shared.copy()
+        whole[free] = self.shared
+        covariance, plain = np.zeros((2, len(free), len(free)))
+        covariance[np.ix_(free, free)], plain[np.ix_(free, free)] = self.covariance, self.plain
+        return self._replace(shared=whole, covariance=covariance, plain=plain)
+
+    @property
+    def inflation(self) -> float:
+        """How many times larger variances are since residuals are correlated, in the mean; at least 1."""
+        told = (np.diag(self.plain) < UNKNOWN) & (np.diag(self.plain) > 0)
+        ratio = np.diag(self.covariance)[told] / np.diag(self.plain)[told]
+        return float(np.mean(np.maximum(ratio, 1.0))) if told.any() else 1.0
 
 
 def arrow_fit(
@@ -84,7 +99,7 @@ def arrow_fit(
     cost = _cost(residual, shared, prior)
     if not (np.isfinite(cost) and _moderate(by_shared, by_own)):
         nothing = np.full((len(shared), len(shared)), np.inf)
-        return Fit(shared, own, np.nan_to_num(residual), nothing, 1.0, np.inf, 0, False)
+        return Fit(shared, own, np.nan_to_num(residual), nothing, nothing, np.inf, 0, False)
     while iterations < MOST_ITERATIONS and not converged:
         iterations += 1
         matrix, vector, own_inverse, cross, own_vector = _reduced(residual, by_shared, by_own, damping)
@@ -105,8 +120,8 @@ def arrow_fit(
         else:
             damping *= 10
             converged = damping > 1e12
-    covariance, inflation = _covariance(residual, by_shared, by_own, prior)
-    return Fit(shared, own, residual, covariance, inflation, cost, iterations, converged)
+    covariance, plain = _covariance(residual, by_shared, by_own, prior)
+    return Fit(shared, own, residual, covariance, plain, cost, iterations, converged)
 
 
 def _moderate(*slopes: np.ndarray) -> bool:
@@ -154,7 +169,7 @@ def _covariance(residual, by_shared, by_own, prior: Prior):
     level = np.sum(residual**2) / spare
     bread = _inverse(matrix / level + np.diag(prior.information))
     if lanes < 2 * matrix.shape[0] + 2:
-        return bread, 1.0
+        return bread, bread
     # A lane that pulls hard leaves less of its own error in the residual (Bell and McCaffrey 2002).
     leverage = np.einsum("lnp,pq,lnq->l", projected, bread, projected, optimize=True) / level
     scores = scores / np.sqrt(1 - np.minimum(leverage, LARGEST_LEVERAGE))[:, None]
@@ -164,7 +179,7 @@ def _covariance(residual, by_shared, by_own, prior: Prior):
     ratio = np.diag(robust)[told] / np.diag(bread)[told]
     raised = np.ones(len(told))
     raised[told] = np.sqrt(np.maximum(1 / ratio, 1.0))
-    return robust * np.outer(raised, raised), float(np.mean(np.maximum(ratio, 1.0)))
+    return robust * np.outer(raised, raised), bread
 
 
 def _inverse(matrix):

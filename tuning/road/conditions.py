@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 
-from absjax.plant.wheel import Wheel
+from absjax.plant.wheel import GRAVITY, Wheel
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.car import Car
 from tuning.logs.tables import LogError
@@ -23,6 +23,8 @@ CALM = 0.1
 """Window over which a deceleration counts [s]."""
 LOADING = 0.02
 """Window over which it moves the load [s]."""
+BRAKE_RANGE = (0.1, 100.0)
+"""Brake efficiency that is believed, over the known one: a unit of pressure may be another."""
 REFRESHED = 0.02
 """Time between samples of a speed that comes from the acceleration [s]."""
 CHANGING_LOAD = 0.03
@@ -117,7 +119,23 @@ def begin(log: BrakeLog, car: Car) -> Start:
         values["radius"] = float(np.median(log.vehicle_speed[rolling] / log.wheel_speed[rolling]))
         if log.brake_pressure is not None:
             values["pressure_zero"] = float(np.median(log.brake_pressure[rolling]))
-    return Start(log, load_share(log, car), values, motion, slow, notes)
+    share = load_share(log, car)
+    if share is None and log.acceleration is not None and log.brake_pressure is not None:
+        values |= _brake(log, dataclasses.replace(car.wheel, radius=values["radius"]))
+    return Start(log, share, values, motion, slow, notes)
+
+
+def _brake(log: BrakeLog, wheel: Wheel) -> dict[str, float]:
+    """About what brake efficiency and pressure zero are: J w' + R Fz a / g = -gamma_b (P - P_0), by least squares."""
+    assert log.acceleration is not None and log.brake_pressure is not None
+    friction = float(wheel.radius) * float(wheel.load) * log.acceleration / GRAVITY
+    torque = -(float(wheel.inertia) * rate_of(log, log.wheel_speed) + friction)
+    columns = np.stack([log.brake_pressure, np.ones(len(log.time))], axis=1)
+    efficiency, offset = np.linalg.lstsq(columns, torque, rcond=None)[0]
+    low, high = (factor * float(wheel.brake_efficiency) for factor in BRAKE_RANGE)
+    if not low < efficiency < high:
+        return {}
+    return {"brake_efficiency": float(efficiency), "pressure_zero": float(-offset / efficiency)}
 
 
 def _with_speed(log: BrakeLog, speed: np.ndarray, at: np.ndarray) -> BrakeLog:

@@ -70,6 +70,4 @@ def fit_curve(curve: Curve, ratio, friction, slip_noise, start, *, radius: Prior
         shared = shared.copy()
         shared[free] = fit.shared
     assert fit is not None
-    covariance = np.zeros((size + 2, size + 2))
-    covariance[np.ix_(free, free)] = fit.covariance
-    return fit._replace(shared=shared, covariance=covariance)
+    return fit.of_all(shared, free)

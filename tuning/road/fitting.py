@@ -65,6 +65,9 @@ class FittedStretch:
     """over the noise of the channels themselves"""
     samples: int
     side: str = "braking"
+    profile: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
+    """by coefficient, how far the sum of squares rises where its interval ends, below and above, over what the
+    covariance says: the root of it, 1 where the sum is a parabola; empty where it was not looked for"""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,6 +109,7 @@ def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fi
     say(f"output error: {_told(curve, coefficients)} after {fit.iterations} iterations")
     own = {name: noise_of(start.log, name, problem.used) for name in problem.levels(fit.residual)}
     levels = problem.levels(fit.residual)
+    profiles = _profiles(problem, fit, len(stretches), start, car, free)
     changes = _changes(curve, samples, stretches, coefficients)
     edges = [float(samples.time[0]), *(at for at, _ in changes), float(samples.time[-1])]
     parts = []
@@ -127,6 +131,7 @@ def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fi
                 largest_slip=_largest(samples.slip[inside]),
                 residual_rms=float(np.sqrt(np.mean(np.square(rms)))) if rms else 0.0,
                 samples=int(inside.sum()),
+                profile=profiles[i],
             )
         )
     return Fitted(
@@ -222,10 +227,37 @@ def _settled(problem: Shooting, guesses, start: Start, car: Car, values) -> tupl
     return fit, problem, free
 
 
-def _fit(problem: Shooting, surfaces: int, shared, own, start: Start, car: Car, free: frozenset[str]) -> Fit:
+def _fit(
+    problem: Shooting, surfaces: int, shared, own, start: Start, car: Car, free: frozenset[str], held: int | None = None
+) -> Fit:
+    """The fit with some quantities free; a parameter that is `held` stays where it starts."""
     least = [LEAST_SHARE * car.priors[name].value if KINDS[name].wheel else KINDS[name].low for name in CAR]
     lower = np.concatenate([np.tile(problem.curve.lower + 1e-6, surfaces), least, [-np.inf, -np.inf]])
-    return fit_output_error(problem, shared, own, lower=lower, prior=_prior(problem, surfaces, start, car, free))
+    prior = _prior(problem, surfaces, start, car, free)
+    if held is not None:
+        prior.mean[held], prior.spread[held] = shared[held], 0.0
+    return fit_output_error(problem, shared, own, lower=lower, prior=prior)
+
+
+def _profiles(problem: Shooting, fit: Fit, surfaces: int, start: Start, car: Car, free: frozenset[str]):
+    """Profile of the sum of squares at the ends of each coefficient's interval, all else fitted anew, by surface."""
+    size, profiles = len(problem.curve.names), []
+    for surface in range(surfaces):
+        found = {}
+        for k, name in enumerate(problem.curve.names):
+            at = surface * size + k
+            width = Z95 * float(np.sqrt(fit.plain[at, at]))
+            if not 0 < width < abs(fit.shared[at]):
+                continue
+            sides = []
+            for end in (-width, width):
+                shared = fit.shared.copy()
+                shared[at] += end
+                again = _fit(problem, surfaces, shared, fit.own, start, car, free, held=at)
+                sides.append(float(np.sqrt(max(again.cost - fit.cost, 0.0))) / Z95)
+            found[name] = (sides[0], sides[1])
+        profiles.append(found)
+    return profiles
 
 
 def _values(shared: np.ndarray, start: Start) -> dict[str, float]:

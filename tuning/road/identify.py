@@ -35,6 +35,8 @@ STEEPEST = 2.1875
 LARGEST_RELATIVE_WIDTH = 0.5
 """A parameter whose 95 % half-width exceeds this share of it is not identifiable."""
 PEAK = ("peak_friction", "peak_slip")
+LOPSIDED = 1.5
+"""Ratio of the profile to the covariance from which an interval is called lopsided."""
 NEGLIGIBLE, ABSOLUTE_WIDTH = 1e-4, 0.1
 """A coefficient below the first is known if its half-width is below the second."""
 
@@ -58,6 +60,8 @@ class Segment:
         samples: used.
         kind: name of the tyre curve, in `absjax.tyres.TYRES`, or `package.module:Class`.
         side: 'braking' or 'driving': on which side of zero the slip of the samples is.
+        profile: by coefficient, how the sum of squares rises at the ends of its interval, all else fitted anew: root of
+            it over what the covariance says, below and above. Near 1 the interval is as good as its likelihood's.
     """
 
     start: float
@@ -76,6 +80,7 @@ class Segment:
     samples: int
     kind: str = "burckhardt"
     side: str = "braking"
+    profile: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
 
     @property
     def tyre(self) -> Tyre:
@@ -93,7 +98,8 @@ class Segment:
         fields = {field.name for field in dataclasses.fields(cls)}
         known = {name: value for name, value in data.items() if name in fields}
         known["parameters"] = {name: value for name, value in data.items() if name not in fields}
-        return cls(**{**known, "ci95": {k: tuple(v) for k, v in data["ci95"].items()}})
+        pairs = {n: {k: tuple(v) for k, v in data.get(n, {}).items()} for n in ("ci95", "profile")}
+        return cls(**{**known, **pairs})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -237,6 +243,12 @@ def _segment(kind, curve: Curve, found: FittedStretch, method: str) -> Segment:
     names = (*curve.names, *PEAK)
     value, width = dict(zip(names, map(float, values))), dict(zip(names, map(float, widths)))
     identifiable, statements = _identifiability(curve, value, width, largest)
+    statements += [
+        f"the interval of {name} is lopsided: at its ends the fit is {low:.2g} and {high:.2g} times as far off as it "
+        "says"
+        for name, (low, high) in found.profile.items()
+        if identifiable[name] and not all(1 / LOPSIDED < side < LOPSIDED for side in (low, high))
+    ]
     return Segment(
         start=found.start,
         end=found.end,
@@ -254,6 +266,7 @@ def _segment(kind, curve: Curve, found: FittedStretch, method: str) -> Segment:
         samples=found.samples,
         kind=kind,
         side=found.side,
+        profile=found.profile,
     )
 
 

@@ -312,7 +312,4 @@ def fit_output_error(problem: Shooting, shared: np.ndarray, own: np.ndarray, *, 
 
     known = Prior(prior.mean[free], prior.spread[free])
     fit = arrow_fit(evaluate, whole[free], own, lower=lower[free], prior=known)
-    point, covariance = whole.copy(), np.zeros((len(whole), len(whole)))
-    point[free] = fit.shared
-    covariance[np.ix_(free, free)] = fit.covariance
-    return fit._replace(shared=point, covariance=covariance)
+    return fit.of_all(whole, free)
