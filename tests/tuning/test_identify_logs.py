@@ -27,6 +27,7 @@ from tuning.logs.tables import LogError
 from tuning.road.curve import Curve
 from tuning.road.identify import identify
 from tuning.road.output_error import CAR, NUISANCE, lagged, shooting
+from tuning.road.together import identify_together
 
 NAMES = ("c1", "c2", "c3", "peak_friction", "peak_slip")
 DRY = SURFACES["dry_asphalt"]
@@ -186,6 +187,22 @@ def test_friction_from_deceleration_needs_neither_pressure_nor_load(folder):
     result, _ = identified(STOP, folder, change=lambda log: dataclasses.replace(log, brake_pressure=None))
     dry(result, within=0.01)
     assert result.segments[0].method == "curve fit"
+
+
+def test_logs_of_one_car_tell_each_other_of_it(folder):
+    short = dataclasses.replace(LOGGING, duration=0.35, declared=Car())
+    true = Car(radius=0.303, brake_efficiency=16.0)
+    stops = [dataclasses.replace(STOP, car=true, logging=log) for log in (short, LOGGING)]
+    logs = [log_of(record, folder) for record in simulate(stops)]
+    car = car_from({"radius": {"value": 0.3, "sd": 0.006}, "brake_efficiency": {"value": 17.5, "sd": 2.0}})
+    alone, (first, second) = identify(logs[0], car), identify_together(logs, car)
+    assert first.quantities["brake_efficiency"].spread < 0.5 * alone.quantities["brake_efficiency"].spread
+    assert first.quantities["brake_efficiency"].value == pytest.approx(16.0, rel=0.01)
+    assert first.verdict == second.verdict == "sound"
+    strange = dataclasses.replace(logs[0], wheel_speed=1.02 * logs[0].wheel_speed)
+    assert any("not the same car" in reason for reason in identify_together([strange, logs[1]], car)[0].reasons)
+    with pytest.raises(ValueError, match="'colour' is no quantity"):
+        identify_together(logs, car, shared=("colour",))
 
 
 def test_nobody_brakes(folder):

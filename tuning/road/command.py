@@ -22,6 +22,9 @@ def identify(
     tyre: Annotated[
         str, typer.Option(help="Tyre curve: burckhardt, exponential_basis, or module:Class.")
     ] = "burckhardt",
+    beside: Annotated[
+        list[Path] | None, typer.Option("--with", help="Another log of the same car; what it says of the car counts.")
+    ] = None,
     edges: Annotated[Path | None, typer.Option(help="Edges of the wheel, for its speed; as `encoder` takes.")] = None,
     teeth: Annotated[int, typer.Option(help="Teeth of the wheel, missing ones counted; of --edges.")] = 60,
     clock: Annotated[float | None, typer.Option(help="Length of a clock tick of --edges [s].")] = None,
@@ -40,15 +43,27 @@ def identify(
 
         given = car_of(log, car)
         wheel = None if edges is None else study_of(read_edges(edges, teeth=teeth, clock=clock))
-        return (log, given, channels, edges), lambda: identified(
-            log, out, columns, given, load, start, end, tyre, channels=channels, edges=wheel
+        others = beside or []
+        return (log, given, channels, edges, *others), lambda: identified(
+            log, out, columns, given, load, start, end, tyre, channels=channels, edges=wheel, beside=others
         )
 
     carry_out(out, work, force=force)
 
 
 def identified(
-    log, out, columns=None, car=None, load=None, start=None, end=None, tyre="burckhardt", *, channels=None, edges=None
+    log,
+    out,
+    columns=None,
+    car=None,
+    load=None,
+    start=None,
+    end=None,
+    tyre="burckhardt",
+    *,
+    channels=None,
+    edges=None,
+    beside=(),
 ) -> Any:
     """Report of the friction curve of a log."""
     from tuning.core.files import write_json
@@ -59,6 +74,7 @@ def identified(
     from tuning.road.figures import identification_figures
     from tuning.road.identify import identify
     from tuning.road.report import identification_rows, quantity_rows
+    from tuning.road.together import identify_together
 
     known = Car() if car is None else read_car(car)
     if load is not None:
@@ -66,7 +82,15 @@ def identified(
     wheel = known.wheel
     say(f"car: {car or 'default wheel'}, load {float(wheel.load):g} N, radius {float(wheel.radius):g} m")
     data = read_log(log, declarations(columns, channels), start=start, end=end, radius=float(wheel.radius), edges=edges)
-    result = identify(data, known, tyre, progress=lambda text: say(f"  {text}"))
+    others = [read_log(path, declarations(columns, channels), radius=float(wheel.radius)) for path in beside]
+
+    def progress(text):
+        say(f"  {text}")
+
+    if others:
+        result = identify_together([data, *others], known, tyre, progress=progress)[0]
+    else:
+        result = identify(data, known, tyre, progress=progress)
     lines = [f"verdict: {result.verdict}", *(f"  {reason}" for reason in result.reasons), *result.notes]
     lines += [f"{segment.start:.3f} s: {said}" for segment in result.segments for said in segment.statements]
     files = [write_json(out / "result.json", result.to_json()), *identification_figures(result, data, known, out)]
