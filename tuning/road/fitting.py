@@ -1,28 +1,31 @@
-"""The curves of all surfaces of a log and the car's quantities, fitted together."""
-
-import dataclasses
-from collections.abc import Callable
+"""The curves of all surfaces of a log and the car's quantities, fitted together by output error."""
 
 import numpy as np
 from scipy.stats import t as student
 
-from tuning.logs.brake_log import BrakeLog
 from tuning.logs.car import Car
 from tuning.logs.quantities import KINDS, Z95, Quantity
 from tuning.road.arrow_fit import Fit, Prior
-from tuning.road.changes import Stretch, find_stretches, refine_change
+from tuning.road.changes import Stretch, find_stretches
 from tuning.road.conditions import Start
 from tuning.road.curve import Curve
-from tuning.road.curve_fit import BLOCK, fit_curve
+from tuning.road.fitted import (
+    GUARD,
+    Fitted,
+    FittedStretch,
+    Say,
+    changes_of,
+    clear_of_changes,
+    largest_slip,
+    peak_of,
+    peak_slip_of,
+    samples_as_fitted,
+    told_of,
+)
 from tuning.road.noise import noise_of
 from tuning.road.output_error import CAR, SHARED, Shooting, fit_output_error, shooting
-from tuning.road.samples import FrictionSamples, friction_samples, rate_of
 from tuning.road.selection import selected
-from tuning.road.vehicle_speed import measured
-from tuning.road.verdict import corrected
 
-GUARD = 0.03
-"""Time kept clear of the middle of a change [s]."""
 SWEEPS = 3
 """Fits with the noise of the channels taken from the fit before."""
 ROUNDS = 3
@@ -31,59 +34,14 @@ MATERIAL = 0.03
 """Share of the larger friction by which two curves have to differ somewhere to be two surfaces."""
 TRANSFERRED = 1e-3
 """Standard deviation of a load that is reckoned from the acceleration, as a share."""
-ZERO_SHARE = 0.003
-"""Of the load, by which the balance of a wheel is off at the least."""
 LEAST_SHARE = 0.1
 """Of what a quantity of the wheel is known as: it may not be less."""
 SMALLEST_PEAK_SLIP = 2e-3
 """No tyre has its peak at less: a curve that has it there was fitted to something else."""
 DISTINCT = 0.25
 """The same share from which nobody asks whether one curve would do."""
-DRIVING = 0.02
-"""Slip from which a wheel counts as driven."""
-FEWEST_DRIVING = 200
 FEWEST_INTERVALS = 4
 """Shooting intervals of a surface; shorter ones go to a neighbour."""
-Say = Callable[[str], None]
-
-
-@dataclasses.dataclass(frozen=True)
-class FittedStretch:
-    """The curve of one surface."""
-
-    start: float
-    """s"""
-    end: float
-    """s"""
-    coefficients: np.ndarray
-    """(coefficients,)"""
-    covariance: np.ndarray
-    """(coefficients, coefficients)"""
-    peak_friction: float
-    largest_slip: float
-    residual_rms: float
-    """over the noise of the channels themselves"""
-    samples: int
-    side: str = "braking"
-    profile: dict[str, tuple[float, float]] = dataclasses.field(default_factory=dict)
-    """by coefficient, how far the sum of squares rises where its interval ends, below and above, over what the
-    covariance says: the root of it, 1 where the sum is a parabola; empty where it was not looked for"""
-
-
-@dataclasses.dataclass(frozen=True)
-class Fitted:
-    """All of it."""
-
-    stretches: list[FittedStretch]
-    blends: list[float]
-    """length of each change [s]"""
-    quantities: dict[str, Quantity]
-    misfit: dict[str, float]
-    """by channel, root mean square of the residuals over the channel's own noise"""
-    method: str
-    imposed: bool
-    """whether the vehicle's speed was taken as measured"""
-    notes: list[str]
 
 
 def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fitted:
@@ -106,11 +64,11 @@ def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fi
     values |= _values(fit.shared, start)
     samples, size = samples_as_fitted(start, car, values)[1], len(curve.names)
     coefficients = fit.shared[: len(stretches) * size].reshape(-1, size)
-    say(f"output error: {_told(curve, coefficients)} after {fit.iterations} iterations")
+    say(f"output error: {told_of(curve, coefficients)} after {fit.iterations} iterations")
     own = {name: noise_of(start.log, name, problem.used) for name in problem.levels(fit.residual)}
     levels = problem.levels(fit.residual)
     profiles = _profiles(problem, fit, len(stretches), start, car, free)
-    changes = _changes(curve, samples, stretches, coefficients)
+    changes = changes_of(curve, samples, stretches, coefficients)
     edges = [float(samples.time[0]), *(at for at, _ in changes), float(samples.time[-1])]
     parts = []
     for i, stretch in enumerate(stretches):
@@ -127,8 +85,8 @@ def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fi
                 end=edges[i + 1],
                 coefficients=coefficients[i],
                 covariance=fit.covariance[block, block] * _few(int(np.any(alone.weight > 0, axis=(1, 2)).sum()) - size),
-                peak_friction=_peak(curve, coefficients[i]),
-                largest_slip=_largest(samples.slip[inside]),
+                peak_friction=peak_of(curve, coefficients[i]),
+                largest_slip=largest_slip(samples.slip[inside]),
                 residual_rms=float(np.sqrt(np.mean(np.square(rms)))) if rms else 0.0,
                 samples=int(inside.sum()),
                 profile=profiles[i],
@@ -145,16 +103,6 @@ def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fi
     )
 
 
-def samples_as_fitted(start: Start, car: Car, values: dict[str, float]) -> tuple[BrakeLog, FrictionSamples]:
-    """The log and its points of the friction curve with quantities as they are known by now.
-
-    The delay of the vehicle's speed is out of the log already.
-    """
-    wheel = {name: values[name] for name in KINDS if KINDS[name].wheel}
-    log = corrected(start.log, {**values, "speed_delay": values["speed_delay"] - start.values["speed_delay"]})
-    return log, friction_samples(log, dataclasses.replace(car.wheel, **wheel), start.share)
-
-
 def _alike(found: list[Stretch], before: list[Stretch], time: np.ndarray) -> bool:
     if len(found) != len(before):
         return False
@@ -164,13 +112,7 @@ def _alike(found: list[Stretch], before: list[Stretch], time: np.ndarray) -> boo
 def _intervals(curve: Curve, start: Start, stretches: list[Stretch], values: dict[str, float]) -> Shooting:
     log = start.log
     late = log.time <= log.time[-1] - max(values["speed_delay"], 0.0)
-    masks = []
-    for stretch in stretches:
-        inside = np.zeros(len(log.time), bool)
-        inside[stretch.first : stretch.last] = True
-        for other in stretches[1:]:
-            inside &= np.abs(log.time - log.time[other.first]) > GUARD
-        masks.append(inside & late)
+    masks = [inside & late for inside in clear_of_changes(log.time, stretches)]
     middle = 0.0 if start.motion is None else start.motion.middle
     return shooting(curve, log, masks, values["radius"], start.share, middle)
 
@@ -276,7 +218,7 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
             intervals = [int(np.any(problem.weight[problem.surface == k] > 0, axis=(1, 2)).sum()) for k in (i, i + 1)]
             seen = min(_reached(problem, k) for k in (i, i + 1))
             apart = _apart(curve, coefficients[i], coefficients[i + 1], seen)
-            strange = min(_peak_slip(curve, coefficients[k]) for k in (i, i + 1)) < SMALLEST_PEAK_SLIP
+            strange = min(peak_slip_of(curve, coefficients[k]) for k in (i, i + 1)) < SMALLEST_PEAK_SLIP
             short = min(intervals) < FEWEST_INTERVALS
             if apart > DISTINCT and not (strange or short):
                 continue
@@ -301,7 +243,7 @@ def _reached(problem: Shooting, surface: int) -> float:
     """Largest slip of the intervals of a surface, about."""
     lanes = problem.index[(problem.surface == surface) & np.any(problem.weight > 0, axis=(1, 2))]
     slip = problem.radius * problem.log.wheel_speed[lanes] / problem.log.vehicle_speed[lanes] - 1
-    return _largest(slip.ravel())
+    return largest_slip(slip.ravel())
 
 
 def _apart(curve: Curve, one, other, seen: float) -> float:
@@ -320,11 +262,6 @@ def _length(stretch: Stretch) -> int:
     return stretch.last - stretch.first
 
 
-def _changes(curve: Curve, samples: FrictionSamples, stretches, coefficients) -> list[tuple[float, float]]:
-    tyres = [curve.tyre(map(float, c)) for c in coefficients]
-    return [refine_change(samples, tyres[i], tyres[i + 1], stretches[i + 1].first) for i in range(len(stretches) - 1)]
-
-
 def _quantities(fit: Fit, start: Start, car: Car, first: int) -> dict[str, Quantity]:
     """Those that were free, or found before the fit."""
     priors, found = car.priors, {}
@@ -340,150 +277,6 @@ def _quantities(fit: Fit, start: Start, car: Car, first: int) -> dict[str, Quant
     return found
 
 
-def _peak(curve: Curve, coefficients: np.ndarray) -> float:
-    return float(curve.tyre(map(float, coefficients)).peak().friction)
-
-
-def _peak_slip(curve: Curve, coefficients: np.ndarray) -> float:
-    return float(curve.tyre(map(float, coefficients)).peak().slip)
-
-
 def _few(freedom: int) -> float:
     """By how much variances are raised since they come from few intervals: Student's quantile over the normal one."""
     return float((student.ppf(0.975, max(freedom, 3)) / Z95) ** 2)
-
-
-def _largest(slip: np.ndarray) -> float:
-    return float(np.quantile(np.abs(slip), 0.999)) if len(slip) else 0.0
-
-
-def _told(curve: Curve, coefficients: np.ndarray) -> str:
-    return "; ".join(", ".join(f"{name} {value:.4g}" for name, value in zip(curve.names, c)) for c in coefficients)
-
-
-def fitted_by_curve(curve: Curve, start: Start, car: Car, say: Say) -> Fitted:
-    """By `tuning.road.curve_fit`, driving and braking apart where the log has both."""
-    log, values = start.log, {name: prior.value for name, prior in car.priors.items()}
-    values["speed_delay"] = start.values["speed_delay"]
-    signal = "force" if log.force is not None else "acceleration"
-    samples = samples_as_fitted(start, car, values)[1]
-    told = np.flatnonzero(measured(log, signal) & measured(log, "wheel_speed") & (log.wheel_speed > 0))
-    some = FrictionSamples(samples.time[told], samples.slip[told], samples.friction[told], samples.source)
-    sides = {"braking": some.slip < 0.5 * DRIVING, "driving": some.slip > -0.5 * DRIVING}
-    swept = (some.slip > DRIVING).sum() >= FEWEST_DRIVING
-    if swept:
-        # A sweep comes and goes; its sides are not stretches of time.
-        sides = {side: on for side, on in sides.items() if (on & (np.abs(some.slip) > DRIVING)).sum() >= FEWEST_DRIVING}
-        stretches = [_whole(some, on) for on in sides.values()]
-        masks, labels = list(sides.values()), list(sides)
-    else:
-        stretches = find_stretches(some)
-        masks, labels = _masks(some, stretches), ["braking"] * len(stretches)
-    say(f"{len(stretches)} curve{'s' if len(stretches) > 1 else ''} found in friction from {samples.source}")
-    load = (
-        float(car.wheel.load) * np.ones(len(log.time)) if start.share is None else float(car.wheel.load) * start.share
-    )
-    scale = load.mean() if signal == "force" else 9.81
-    zero_name = "force_zero" if signal == "force" else "acceleration_bias"
-    slip_noise = np.hypot(
-        float(car.wheel.radius) * noise_of(log, "wheel_speed"), (1 + samples.slip) * noise_of(log, "vehicle_speed")
-    )
-    slip_noise = slip_noise / log.vehicle_speed
-    parts, found, rms = [], {}, []
-    friction, balance = samples.friction + values[zero_name] / scale, _force_zero(start, car)
-    for stretch, on, side in zip(stretches, masks, labels):
-        inside = told[on]
-        part, zeros = _curve(curve, log, friction, slip_noise, stretch, inside, side, car, (zero_name, scale, balance))
-        parts.append(part)
-        rms.append(part.residual_rms)
-        found = zeros | found
-    if start.slow and start.motion is not None:
-        delay = car.priors["speed_delay"]
-        found["speed_delay"] = Quantity(start.motion.delay, start.motion.delay_spread, delay.value, delay.spread, "s")
-    say(f"curve fit: {_told(curve, np.array([part.coefficients for part in parts]))}")
-    changes = [] if swept else _changes(curve, some, stretches, [p.coefficients for p in parts])
-    edges = [float(samples.time[0]), *(at for at, _ in changes), float(samples.time[-1])]
-    if changes or len(parts) == 1:
-        parts = [dataclasses.replace(part, start=edges[i], end=edges[i + 1]) for i, part in enumerate(parts)]
-    misfit = {signal: float(np.sqrt(np.mean(np.square(rms))))}
-    return Fitted(parts, [blend for _, blend in changes], found, misfit, "curve fit", True, [])
-
-
-def _curve(curve: Curve, log, friction, slip_noise, stretch, inside, side, car: Car, zero_of):
-    """The curve through some of the points, and the radius and the zero that they say are not as known."""
-    name, scale, balance = zero_of
-    priors, size = car.priors, len(curve.names)
-    if name == "force_zero" and balance is not None and not priors[name].stated:
-        priors[name] = dataclasses.replace(priors[name], spread=balance[1])
-    ratio = log.wheel_speed[inside] / log.vehicle_speed[inside]
-    guess = curve.near(np.maximum(stretch.coefficients, 1e-3))
-
-    def fit(free: frozenset[str]) -> Fit:
-        known = []
-        for quantity, unit in (("radius", 1.0), (name, -scale)):
-            prior = priors[quantity]
-            spread = prior.spread / abs(unit) if quantity in free else 0.0
-            mean = balance[0] if quantity in free and quantity == "force_zero" and balance is not None else prior.value
-            known.append(Prior(np.array([mean / unit]), np.array([spread])))
-        fit = fit_curve(curve, ratio, friction[inside], slip_noise[inside], guess, radius=known[0], zero=known[1])
-        if balance is None or name in free:
-            return fit
-        return fit._replace(cost=fit.cost + ((priors[name].value - balance[0]) / balance[1]) ** 2)
-
-    stated = [quantity for quantity in ("radius", name) if priors[quantity].stated and priors[quantity].spread > 0]
-    others = [quantity for quantity in ("radius", name) if not priors[quantity].stated]
-    _, best = selected(fit, stated, others)
-    found = {}
-    for i, (quantity, unit) in enumerate((("radius", 1.0), (name, -scale))):
-        spread = float(np.sqrt(best.covariance[size + i, size + i])) * abs(unit)
-        if spread > 0:
-            prior = priors[quantity]
-            value = float(best.shared[size + i]) * unit
-            found[quantity] = Quantity(value, spread, prior.value, prior.spread, KINDS[quantity].unit)
-    part = FittedStretch(
-        start=float(log.time[inside[0]]),
-        end=float(log.time[inside[-1]]),
-        coefficients=best.shared[:size],
-        covariance=best.covariance[:size, :size],
-        peak_friction=_peak(curve, best.shared[:size]),
-        largest_slip=_largest(best.shared[size] * ratio - 1),
-        residual_rms=float(np.sqrt(np.mean(best.residual**2))),
-        samples=len(inside),
-        side=side,
-    )
-    return part, found
-
-
-def _force_zero(start: Start, car: Car) -> tuple[float, float] | None:
-    """Zero of the force [N] and how well it is known by the balance of the wheel: the mean of what is over.
-
-    F = -(J w' + gamma_b Pb) / R + zero, over blocks whose means differ by what the model lacks.
-    """
-    log, wheel = start.log, car.wheel
-    if log.force is None or log.brake_pressure is None:
-        return None
-    torque = float(wheel.inertia) * rate_of(log, log.wheel_speed) + float(wheel.brake_efficiency) * log.brake_pressure
-    asked = -torque / float(wheel.radius)
-    columns = np.stack([asked, np.ones_like(asked)], axis=1)
-    slope, zero = np.linalg.lstsq(columns, log.force, rcond=None)[0]
-    over = (log.force - slope * asked - zero)[: len(asked) // BLOCK * BLOCK].reshape(-1, BLOCK).mean(axis=1)
-    spread = float(np.std(over) / np.sqrt(len(over)) * np.sqrt(1 + np.mean(asked) ** 2 / np.var(asked)))
-    return float(zero), max(spread, ZERO_SHARE * float(wheel.load))
-
-
-def _masks(samples: FrictionSamples, stretches: list[Stretch]) -> list[np.ndarray]:
-    masks = []
-    for stretch in stretches:
-        inside = np.zeros(len(samples.time), bool)
-        inside[stretch.first : stretch.last] = True
-        for other in stretches[1:]:
-            inside &= np.abs(samples.time - samples.time[other.first]) > GUARD
-        masks.append(inside)
-    return masks
-
-
-def _whole(samples: FrictionSamples, inside: np.ndarray) -> Stretch:
-    """The whole log as a stretch, with a rough curve through some of its samples."""
-    some = FrictionSamples(samples.time[inside], samples.slip[inside], samples.friction[inside], samples.source)
-    rough = find_stretches(some, most=1)[0]
-    return Stretch(0, len(samples.time), rough.coefficients, rough.residual)

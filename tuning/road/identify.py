@@ -20,14 +20,9 @@ from tuning.logs.quantities import KINDS, Z95, Quantity
 from tuning.logs.tables import LogError
 from tuning.road import conditions, verdict
 from tuning.road.curve import Curve
-from tuning.road.fitting import (
-    SMALLEST_PEAK_SLIP,
-    Fitted,
-    FittedStretch,
-    fitted_by_curve,
-    fitted_by_output_error,
-    samples_as_fitted,
-)
+from tuning.road.fitted import Fitted, FittedStretch, samples_as_fitted
+from tuning.road.fitting import SMALLEST_PEAK_SLIP, fitted_by_output_error
+from tuning.road.fitting_by_curve import fitted_by_curve
 from tuning.road.samples import FrictionSamples
 
 STEEPEST = 2.1875

@@ -47,13 +47,22 @@ def friction_samples(log: BrakeLog, wheel: Wheel, share: np.ndarray | None = Non
     if log.force is not None:
         return FrictionSamples(log.time, slip, log.force / load, "force")
     if log.brake_pressure is not None and (share is not None or is_rig(log)):
-        torque = (
-            float(wheel.inertia) * rate_of(log, log.wheel_speed) + float(wheel.brake_efficiency) * log.brake_pressure
-        )
-        return FrictionSamples(log.time, slip, -torque / (float(wheel.radius) * load), "wheel")
+        return FrictionSamples(log.time, slip, balanced_force(log, wheel) / load, "wheel")
     if log.acceleration is not None and longest_gap(log, "acceleration") < LONGEST_GAP:
         return FrictionSamples(log.time, slip, log.acceleration / GRAVITY, "acceleration")
     return FrictionSamples(log.time, slip, rate_of(log, log.vehicle_speed) / GRAVITY, "speed")
+
+
+def balanced_force(log: BrakeLog, wheel: Wheel) -> np.ndarray:
+    """Tyre force -(J w' + gamma_b Pb) / R that wheel speed and pressure ask for [N], (samples,).
+
+    Raises:
+        ValueError: if no pressure was logged.
+    """
+    if log.brake_pressure is None:
+        raise ValueError(f"{log.name}: no brake pressure")
+    torque = float(wheel.inertia) * rate_of(log, log.wheel_speed) + float(wheel.brake_efficiency) * log.brake_pressure
+    return -torque / float(wheel.radius)
 
 
 def rate_of(log: BrakeLog, signal: np.ndarray, smoothing: float = SMOOTHING) -> np.ndarray:

@@ -6,16 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from absjax.plant.wheel import GRAVITY
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.car import Car
 from tuning.logs.quantities import departures
 from tuning.road.conditions import Start, deceleration_of
 from tuning.road.output_error import lagged
-from tuning.road.samples import rate_of
+from tuning.road.samples import balanced_force
 from tuning.road.vehicle_speed import interval_of
 
 if TYPE_CHECKING:
-    from tuning.road.fitting import Fitted
+    from tuning.road.fitted import Fitted
 
 SOUND, DOUBTFUL, REFUTED = "sound", "doubtful", "refuted"
 LARGEST_MISFIT, REFUTING_MISFIT = 1.6, 4.0
@@ -65,7 +66,7 @@ def judged(log: BrakeLog, car: Car, start: Start, fitted: "Fitted") -> tuple[str
             f"{' (force in kN?)' if abs(np.log10(max(share, 1e-9)) + 3) < 0.3 else ''}: "
             "force, pressure, brake efficiency or their zeros are wrong"
         )
-    strongest = float(np.quantile(deceleration_of(log), 0.99)) / 9.81
+    strongest = float(np.quantile(deceleration_of(log), 0.99)) / GRAVITY
     if fitted.imposed and fitted.method == "output error" and start.motion is not None:
         peak = max(stretch.peak_friction for stretch in fitted.stretches)
         if peak > BEYOND * strongest + 0.05:
@@ -94,7 +95,6 @@ def _force_over_torque(log: BrakeLog, car: Car, fitted: "Fitted") -> float | Non
     if log.force is None or log.brake_pressure is None:
         return None
     log, wheel = corrected(log, {name: q.value for name, q in fitted.quantities.items()}), car.wheel
-    assert log.force is not None and log.brake_pressure is not None
-    torque = float(wheel.inertia) * rate_of(log, log.wheel_speed) + float(wheel.brake_efficiency) * log.brake_pressure
-    asked = -torque / float(wheel.radius)
+    assert log.force is not None
+    asked = balanced_force(log, wheel)
     return float(asked @ log.force / (asked @ asked)) if asked @ asked > 0 else None
