@@ -1,5 +1,6 @@
 """What belongs to one wheel of a loop: its brake, its controller, and the observer that tells the controller XBS."""
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ from absjax.controllers.base import Controller
 from absjax.observers.base import Observer
 from absjax.parameters import model, part
 from absjax.plant.base import Actuator
+from absjax.plant.wheel import Wheel
 from absjax.signals import Signals
 
 
@@ -21,6 +23,20 @@ class ChannelState(NamedTuple):
     """what the controller keeps"""
 
 
+def at_load(component: Any, share: Any) -> Any:
+    """A controller or observer on a wheel with `share` of its load: it has a method `at_load`, or a part `wheel`.
+
+    One that has neither does not know the load.
+    """
+    own = getattr(component, "at_load", None)
+    if own is not None:
+        return own(share)
+    wheel = getattr(component, "wheel", None)
+    if not isinstance(wheel, Wheel):
+        return component
+    return dataclasses.replace(component, wheel=dataclasses.replace(wheel, load=share * wheel.load))
+
+
 @model
 class Channel:
     """Brake, controller and observer of one wheel."""
@@ -28,6 +44,11 @@ class Channel:
     brake: Actuator = part("the actuator")
     controller: Controller = part("the controller")
     observer: Observer | None = part("estimates XBS for the controller; None tells it the true one", default=None)
+
+    def at_load(self, share) -> "Channel":
+        """The channel whose controller and observer know that the load is `share` of the one their gain a is for."""
+        observer = None if self.observer is None else at_load(self.observer, share)
+        return dataclasses.replace(self, controller=at_load(self.controller, share), observer=observer)
 
     def begun(self, state: ChannelState, measured: Signals) -> ChannelState:
         """The state with observer and controller at their start."""

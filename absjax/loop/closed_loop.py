@@ -23,7 +23,7 @@ from absjax.loop import pressure_limits, wheel_lock
 from absjax.loop._modes import FREE, ON_PEDAL, Mode, decoded
 from absjax.loop.channel import Channel, ChannelState
 from absjax.loop.driver import HELD, NEVER, OFF, PRESSING, Driver, FreeRamp, Pedal
-from absjax.loop.memory import Locks, Memory
+from absjax.loop.memory import Course, Locks, Memory
 from absjax.observers.base import Observer
 from absjax.parameters import model, parameter, part
 from absjax.plant.base import Actuator, Plant
@@ -131,6 +131,14 @@ class ClosedLoop:
         locks = state.memory.locks
         return tree_where(self.locked(mode), locks.ended(time, self.plant.speed_of(time, state.plant)), locks)
 
+    def course(self, time, state: LoopState, mode) -> Course:
+        """What is known of the manoeuvre until now."""
+        memory = state.memory._replace(locks=self.locks(time, state, mode))
+        longest = memory.control.longest_until(time, memory.pedal_time)
+        longest = 0.0 * longest if self.controller.cycle_phase is None else longest
+        speed, position = self.plant.speed_of(time, state.plant), self.plant.position(time, state.plant)
+        return Course(speed, position, memory, longest)
+
     @property
     def _phases(self) -> int:
         return len(self.controller.phases)
@@ -176,7 +184,8 @@ class ClosedLoop:
             slope = self.foot.slope(parts.foot) + 0.0 * state.pedal.level
             rate = pressure_limits.granted(parts, rate, slope)
             pedal = Pedal(slope, None)
-        plant = wheel_lock.held(self.plant, self.plant.flow(time, state.plant, self.wheel_pressure(state)), parts)
+        plant = self.plant.flow(time, state.plant, self.wheel_pressure(state))
+        plant = self.plant.with_wheel_speed(plant, wheel_lock.held(parts.locked, self.plant.wheel_speed_of(plant)))
         observer, controller, memory = jax.tree.map(lambda _: None, (state.observer, state.controller, state.memory))
         return LoopState(plant, self.brake.flow(state.brake, rate), pedal, observer, controller, memory)
 
@@ -188,7 +197,9 @@ class ClosedLoop:
     def limits(self, time, state: LoopState, mode, rate) -> tuple[Any, ...]:
         """Guards that are physical, not the controller's, in the order of the table above."""
         parts = self._parts(mode)
-        guards = (wheel_lock.guard(self.plant, time, state.plant, parts, self.wheel_pressure(state)),)
+        turning = self.plant.flow(time, state.plant, self.wheel_pressure(state))
+        speeds = self.plant.wheel_speed_of(state.plant), self.plant.wheel_speed_of(turning)
+        guards = (wheel_lock.guard(parts.locked, *speeds),)
         if self._ends:
             guards += (jnp.maximum(*self._ending(time, state, parts)),)
         if self.foot is not None:
@@ -198,8 +209,11 @@ class ClosedLoop:
     def meet_limit(self, time, state: LoopState, mode, slot) -> tuple[LoopState, jax.Array]:
         """State and mode after guard `slot` of `limits` has fired."""
         parts = self._parts(mode)
-        plant, memory, locked = wheel_lock.met(self.plant, time, state.plant, state.memory, parts)
-        cases = [(state._replace(plant=plant, memory=memory), locked)]
+        speeds = self.plant.wheel_speed_of(state.plant), state.memory.locks
+        turning, locks, locked = wheel_lock.met(parts.locked, *speeds, time, self.plant.speed_of(time, state.plant))
+        plant = self.plant.with_wheel_speed(state.plant, turning)
+        met = state._replace(plant=plant, memory=state.memory._replace(locks=locks))
+        cases = [(met, parts._replace(locked=locked))]
         if self._ends:
             cases.append(self._end_or_move(time, state, parts))
         if self.foot is not None:
@@ -246,14 +260,14 @@ class ClosedLoop:
         time, parts = signals.time, self._parts(mode)
         channel, following, cycles = self.channel.switch(signals, state.channel, parts.phase, slot)
         speed, position = self.plant.speed_of(time, state.plant), self.plant.position(time, state.plant)
-        memory = state.memory.switched(time, speed, position, cycles)
+        memory = state.memory._replace(control=state.memory.control.switched(time, speed, position, cycles))
         pressure = ON_PEDAL if self.foot is None else FREE
         state = state.with_channel(channel)._replace(memory=memory)
         return state, parts._replace(phase=following, pressure=pressure).encoded(self._phases)
 
     def importance(self, time, state: LoopState, mode):
         """Share (v / v0)^2 of the distance that is still ahead, with v0 the speed of the first switching."""
-        return jnp.minimum((self.plant.speed_of(time, state.plant) / state.memory.onset_speed) ** 2, 1.0)
+        return jnp.minimum((self.plant.speed_of(time, state.plant) / state.memory.control.onset_speed) ** 2, 1.0)
 
     def flow(self, time, state: LoopState, mode) -> LoopState:
         """d(state)/dt."""

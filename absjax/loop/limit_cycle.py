@@ -74,7 +74,7 @@ class _Cycles:
 
     def jump(self, time, state, mode, slot):
         state, following = self.loop.jump(time, state, mode, slot)
-        return state, jnp.where(state.memory.cycles >= self.count, FINISHED, following)
+        return state, jnp.where(state.memory.control.cycles >= self.count, FINISHED, following)
 
 
 def limit_cycle(

@@ -26,6 +26,12 @@ class Locks(NamedTuple):
     longest: tuple[jax.Array, jax.Array]
     """longest of them, s"""
 
+    @classmethod
+    def blank(cls, speed) -> "Locks":
+        """Of a manoeuvre that begins at `speed` [m/s]."""
+        zero = 0.0 * speed
+        return cls(zero, zero, zero, (zero, zero), (zero, zero))
+
     def begun(self, time, speed) -> "Locks":
         """With a lock that begins now."""
         return self._replace(count=self.count + 1, since=time + 0.0 * speed, speed=speed)
@@ -45,13 +51,9 @@ class Locks(NamedTuple):
         )
 
 
-class Memory(NamedTuple):
-    """What a manoeuvre remembers of its course; scalars per lane."""
+class Cycles(NamedTuple):
+    """What is remembered of a controller's switchings; scalars per lane."""
 
-    pedal_time: jax.Array
-    """when the foot first pressed, s"""
-    pedal_position: jax.Array
-    """distance travelled until then, m"""
     onset_time: jax.Array
     """when the controller first switched, s"""
     onset_speed: jax.Array
@@ -64,14 +66,46 @@ class Memory(NamedTuple):
     """when it last did, s"""
     longest_cycle: jax.Array
     """longest time between two such entries, s"""
+
+    @classmethod
+    def blank(cls, speed) -> "Cycles":
+        """Of a manoeuvre that begins at `speed` [m/s]."""
+        zero = 0.0 * speed
+        return cls(zero, speed, zero, zero, zero, zero)
+
+    def switched(self, time, speed, position, cycles) -> "Cycles":
+        """After a switching of the controller; `cycles`: whether a cycle begins with it."""
+        first = self.onset_time == 0
+        longest = jnp.maximum(self.longest_cycle, time - self.cycle_time)
+        return Cycles(
+            onset_time=jnp.where(first, time, self.onset_time),
+            onset_speed=jnp.where(first, speed, self.onset_speed),
+            onset_position=jnp.where(first, position, self.onset_position),
+            cycles=self.cycles + cycles,
+            cycle_time=jnp.where(cycles, time, self.cycle_time),
+            longest_cycle=jnp.where(cycles & ~first, longest, self.longest_cycle),
+        )
+
+    def longest_until(self, time, pedal_time):
+        """Longest cycle [s], one that lasts counted from its beginning, or from the first touch of the pedal."""
+        return jnp.maximum(self.longest_cycle, time - jnp.maximum(self.cycle_time, pedal_time))
+
+
+class Memory(NamedTuple):
+    """What a manoeuvre remembers of its course; scalars per lane."""
+
+    pedal_time: jax.Array
+    """when the foot first pressed, s"""
+    pedal_position: jax.Array
+    """distance travelled until then, m"""
+    control: Cycles
     locks: Locks
 
     @classmethod
     def blank(cls, speed) -> "Memory":
         """Of a manoeuvre that begins at `speed` [m/s]."""
         zero = 0.0 * speed
-        locks = Locks(zero, zero, zero, (zero, zero), (zero, zero))
-        return cls(zero, zero, zero, speed, zero, zero, zero, zero, locks)
+        return cls(zero, zero, Cycles.blank(speed), Locks.blank(speed))
 
     def pressed(self, first, time, position) -> "Memory":
         """After a move of the foot, where it is the `first`: the pedal is touched."""
@@ -80,15 +114,15 @@ class Memory(NamedTuple):
             pedal_position=jnp.where(first, position, self.pedal_position),
         )
 
-    def switched(self, time, speed, position, cycles) -> "Memory":
-        """After a switching of the controller; `cycles`: whether a cycle begins with it."""
-        first = self.onset_time == 0
-        longest = jnp.maximum(self.longest_cycle, time - self.cycle_time)
-        return self._replace(
-            onset_time=jnp.where(first, time, self.onset_time),
-            onset_speed=jnp.where(first, speed, self.onset_speed),
-            onset_position=jnp.where(first, position, self.onset_position),
-            cycles=self.cycles + cycles,
-            cycle_time=jnp.where(cycles, time, self.cycle_time),
-            longest_cycle=jnp.where(cycles & ~first, longest, self.longest_cycle),
-        )
+
+class Course(NamedTuple):
+    """What is known of a manoeuvre at its end; scalars per lane."""
+
+    speed: jax.Array
+    """v [m/s]"""
+    position: jax.Array
+    """distance travelled [m]"""
+    memory: Memory
+    """locks that last included"""
+    longest_cycle: jax.Array
+    """the cycle that lasts included, s; 0 where nothing cycles"""

@@ -30,9 +30,9 @@ class SampledState(NamedTuple):
     """state of the sensor; None without one"""
 
 
-def loop_state(state: Any) -> LoopState:
+def loop_state(state: Any) -> Any:
     """The state of the loop within that of a sampled one; that of a located one is its own."""
-    return state.loop if isinstance(state, SampledState) else state
+    return getattr(state, "loop", state)
 
 
 @model

@@ -1,7 +1,7 @@
 """A stop: from a speed and the first touch of the pedal down to the stop speed, and how good it was."""
 
 import math
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -9,11 +9,28 @@ import numpy as np
 
 from absjax._numerics import safe_divide
 from absjax.hybrid.rollout import Rollout, Status, rollout
-from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.sampled_loop import SampledLoop, loop_state
+from absjax.loop.memory import Course
+from absjax.loop.sampled_loop import loop_state
 from absjax.parameters import concrete
 from absjax.plant.wheel import GRAVITY
 from absjax.results import UNDEFINED, EndCode, raise_if_failed
+
+
+class Stoppable(Protocol):
+    """What a stop asks of a loop, located: what is braked, and how it went."""
+
+    @property
+    def stop_speed(self) -> Any:
+        """Vehicle speed at which the manoeuvre ends [m/s]; None: never."""
+        ...
+
+    def initial_state(self, speed: Any) -> Any:
+        """State of free rolling at `speed` [m/s] with the brake released."""
+        ...
+
+    def course(self, time: Any, state: Any, mode: Any) -> Course:
+        """What is known of the manoeuvre until now; each entry (lanes,), or scalars."""
+        ...
 
 
 class Outcome(EndCode):
@@ -75,7 +92,7 @@ class Stop(NamedTuple):
 
 
 def stop(
-    loop: ClosedLoop | SampledLoop,
+    loop: Any,
     speed: Any,
     *,
     horizon: float,
@@ -89,7 +106,8 @@ def stop(
     """Brake from `speed` to the loop's stop speed.
 
     Args:
-        loop: the closed loop; its `stop_speed` must be set. Leaves with a leading axis make an ensemble.
+        loop: a closed loop, of one wheel or of a vehicle, or a sampled one; its `stop_speed` must be set. Leaves with a
+            leading axis make an ensemble.
         speed: initial speed [m/s], scalar or (lanes,).
         horizon: longest time allowed [s].
         step: grid step [s]; this and what follows as for `absjax.hybrid.rollout.rollout`.
@@ -105,9 +123,9 @@ def stop(
     Raises:
         ValueError: if the loop has no stop speed, `speed` is not above it, or `horizon` is not positive.
     """
-    base = loop.loop if isinstance(loop, SampledLoop) else loop
+    base: Stoppable = getattr(loop, "loop", loop)
     if base.stop_speed is None:
-        raise ValueError("ClosedLoop.stop_speed is None; a stop needs a speed at which it ends")
+        raise ValueError(f"{type(base).__name__}.stop_speed is None; a stop needs a speed at which it ends")
     if not 0 < horizon < math.inf:
         raise ValueError(f"horizon = {horizon} must be a positive number of seconds")
     if concrete(speed) and concrete(base.stop_speed):
@@ -128,13 +146,11 @@ def stop(
     return _assess(base, speed, result)
 
 
-def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
-    state = loop_state(result.state)
-    memory, plant = state.memory, state.plant
-    end_speed = loop.plant.speed_of(result.time, plant)
-    locks = loop.locks(result.time, state, result.mode)
-    active = result.time - memory.onset_time
-    mean_friction = safe_divide(memory.onset_speed - end_speed, GRAVITY * active, active > 0)
+def _assess(loop: Stoppable, speed, result: Rollout) -> Stop:
+    end = loop.course(result.time, loop_state(result.state), result.mode)
+    control, locks = end.memory.control, end.memory.locks
+    active = result.time - control.onset_time
+    mean_friction = safe_divide(control.onset_speed - end.speed, GRAVITY * active, active > 0)
     outcome = jnp.select(
         [
             result.mode == UNDEFINED,
@@ -152,22 +168,19 @@ def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
         ],
         Outcome.BUDGET_EXHAUSTED,
     )
-    longest = jnp.maximum(memory.longest_cycle, result.time - jnp.maximum(memory.cycle_time, memory.pedal_time))
-    if loop.controller.cycle_phase is None:
-        longest = 0.0 * longest
     return Stop(
-        distance=loop.plant.position(result.time, plant) - memory.pedal_position,
-        duration=result.time - memory.pedal_time,
+        distance=end.position - end.memory.pedal_position,
+        duration=result.time - end.memory.pedal_time,
         mean_friction=mean_friction,
         published_quantity=safe_divide(speed**2, 2 * GRAVITY * mean_friction, mean_friction > 0, jnp.inf),
-        onset_time=jnp.maximum(memory.onset_time - memory.pedal_time, 0.0),
-        onset_speed=memory.onset_speed,
-        cycles=memory.cycles,
-        longest_cycle=longest,
+        onset_time=jnp.maximum(control.onset_time - end.memory.pedal_time, 0.0),
+        onset_speed=control.onset_speed,
+        cycles=control.cycles,
+        longest_cycle=end.longest_cycle,
         lock_time=locks.time,
         longest_lock=locks.longest,
         locks=locks.count,
-        end_speed=end_speed,
+        end_speed=end.speed,
         outcome=outcome,
         rollout=result,
     )

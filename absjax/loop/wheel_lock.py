@@ -9,29 +9,28 @@ While it is locked w = 0 and the tyre slides.
 import jax.numpy as jnp
 
 from absjax._numerics import tree_where
-from absjax.loop._modes import Mode
-from absjax.loop.memory import Memory
-from absjax.plant.base import Plant
+from absjax.loop.memory import Locks
 
 SPIN_UP = 1e-6
 """Speed a wheel comes free with, rad/s: at 0 it would count as locked again."""
 
 
-def guard(plant: Plant, time, state, parts: Mode, pressure):
-    """Rises through zero where the wheel of `plant` locks or comes free, under the pressure at the wheel [bar]."""
-    torque = plant.wheel_speed_of(plant.flow(time, state, pressure))
-    return jnp.where(parts.locked == 1, torque, -plant.wheel_speed_of(state))
+def guard(locked, wheel_speed, acceleration):
+    """Rises through zero where a wheel locks or comes free; `acceleration`: w' of a wheel that may turn [rad/s^2]."""
+    return jnp.where(locked == 1, acceleration, -wheel_speed)
 
 
-def met(plant: Plant, time, state, memory: Memory, parts: Mode):
-    """Plant state, memory and mode after it has fired."""
-    speed, free = plant.speed_of(time, state), parts.locked == 1
-    wheel_speed = jnp.where(free, SPIN_UP, 0.0 * plant.wheel_speed_of(state))
-    locks = tree_where(free, memory.locks.ended(time, speed), memory.locks.begun(time, speed))
-    state = plant.with_wheel_speed(state, wheel_speed)
-    return state, memory._replace(locks=locks), parts._replace(locked=1 - parts.locked)
+def met(locked, wheel_speed, locks: Locks, time, speed):
+    """Wheel speed, what is remembered of its locks, and whether it is locked, after the guard has fired.
+
+    Args:
+        speed: of the vehicle [m/s].
+    """
+    free = locked == 1
+    after = jnp.where(free, SPIN_UP, 0.0 * wheel_speed)
+    return after, tree_where(free, locks.ended(time, speed), locks.begun(time, speed)), 1 - locked
 
 
-def held(plant: Plant, flow, parts: Mode):
-    """d(state)/dt of the plant: a locked wheel does not turn."""
-    return plant.with_wheel_speed(flow, jnp.where(parts.locked == 1, 0.0, plant.wheel_speed_of(flow)))
+def held(locked, acceleration):
+    """w' [rad/s^2]: a locked wheel does not turn."""
+    return jnp.where(locked == 1, 0.0, acceleration)

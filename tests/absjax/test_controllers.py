@@ -345,7 +345,7 @@ def test_sampled_against_a_plain_loop(name):
     result = rollout(sampled, sampled.initial_state(jnp.asarray(SPEED)), step=step, steps=steps)
     expected, count = sampled_by_hand(case, step, steps)
     np.testing.assert_allclose([float(x) for x in end_of(result)], expected, rtol=1e-8)
-    assert count > 0 and float(result.state.loop.memory.onset_time) > 0
+    assert count > 0 and float(result.state.loop.memory.control.onset_time) > 0
     if name in ("tracking", "eight-phase"):
         coarse = rollout(sampled, sampled.initial_state(jnp.asarray(SPEED, jnp.float32)), step=step, steps=steps)
         assert end_of(coarse)[0].dtype == jnp.float32

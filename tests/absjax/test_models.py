@@ -184,8 +184,8 @@ def test_stop_reports_distance_friction_and_cycles():
     onset, end = float(log.time[0]), float(result.duration)
     count = int(result.rollout.events)
     assert int(result.cycles) == int(np.sum(np.asarray(log.target)[:count] == 1))
-    assert float(result.rollout.state.memory.onset_time) == onset
-    speed = float(result.rollout.state.memory.onset_speed)
+    assert float(result.rollout.state.memory.control.onset_time) == onset
+    speed = float(result.rollout.state.memory.control.onset_speed)
     assert float(result.mean_friction) == pytest.approx((speed - 2.5 / 3.6) / (9.81 * (end - onset)), rel=1e-9)
     quantity = (60 / 3.6) ** 2 / (2 * 9.81 * float(result.mean_friction))
     assert float(result.published_quantity) == pytest.approx(quantity, rel=1e-12)

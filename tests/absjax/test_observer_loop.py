@@ -75,7 +75,7 @@ def test_tracking_follows_the_cubic():
         share = min((float(path.time[k]) - float(entry.time[k])) / (1.5 / 4.375 * abs(way) / 750.0), 1.0)
         assert y[k] == pytest.approx(start + way * share**2 * (3 - 2 * share), abs=1e-4)
         checked.add(mode)
-    assert checked == {1, 3, 4} and int(result.state.memory.cycles) >= 2
+    assert checked == {1, 3, 4} and int(result.state.memory.control.cycles) >= 2
 
 
 @pytest.mark.parametrize("observer, tolerance", [(FOUR, 2e-3), (ADAPTIVE, 2e-3)], ids=["4 states", "adaptive"])
@@ -86,7 +86,7 @@ def test_located_observer_against_the_same_offline(observer, tolerance):
     offline = observe(observer, Sample.of(told), 2.5e-4, substeps=1).raise_if_failed()
     scale = np.abs(told.stiffness).max()
     np.testing.assert_allclose(told.stiffness / scale, offline.stiffness / scale, atol=tolerance)
-    assert int(result.state.memory.cycles) >= 2
+    assert int(result.state.memory.control.cycles) >= 2
     true = np.asarray(jax.vmap(loop.measured)(*result.trajectory[:3]).stiffness)
     assert np.abs(told.stiffness - true)[-400:].max() < 1.0 < np.abs(told.stiffness - true)[0]
 
@@ -100,7 +100,7 @@ def test_sampled_observer_is_the_offline_one():
     offline = observe(FOUR, Sample.of(measured), 1e-3, substeps=3)
     estimates = np.asarray(jax.vmap(loop.with_estimate)(measured, path.state.loop).stiffness)
     np.testing.assert_allclose(estimates, offline.stiffness, rtol=1e-8, atol=1e-8)
-    assert int(result.state.loop.memory.cycles) >= 1
+    assert int(result.state.loop.memory.control.cycles) >= 1
 
 
 def test_gain_sets_as_lanes_against_single_runs():

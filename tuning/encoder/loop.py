@@ -64,7 +64,7 @@ class Course(NamedTuple):
     @property
     def settled(self) -> np.ndarray:
         """Samples on which excursions count."""
-        onset = np.asarray(self.stop.rollout.state.loop.memory.onset_time)
+        onset = np.asarray(self.stop.rollout.state.loop.memory.control.onset_time)
         fast = self.signals.vehicle_speed > EXCURSION_SPEED
         return self.valid & fast & (self.time > onset[:, None] + SETTLED)
 

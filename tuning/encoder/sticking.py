@@ -58,9 +58,9 @@ def frequency_rows() -> list[dict[str, Any]]:
         result = rollout(sampled, sampled.initial_state(jnp.asarray(speed)), step=PERIOD, steps=steps, max_events=500)
         memory = result.raise_if_failed().state.loop.memory
         # From the first entry to the last, cycles - 1 of them; none that takes longer than a second counts as one.
-        sticks = COUNTED - np.asarray(memory.cycle_time) > STUCK
-        spent = np.maximum(np.asarray(memory.cycle_time) - np.asarray(memory.onset_time), PERIOD)
-        found[label] = np.where(sticks, 0.0, (np.asarray(memory.cycles) - 1) / spent)
+        sticks = COUNTED - np.asarray(memory.control.cycle_time) > STUCK
+        spent = np.maximum(np.asarray(memory.control.cycle_time) - np.asarray(memory.control.onset_time), PERIOD)
+        found[label] = np.where(sticks, 0.0, (np.asarray(memory.control.cycles) - 1) / spent)
     return [
         {
             "km/h": float(kmh),
@@ -89,7 +89,7 @@ def sticking_courses(encoder: Encoder, events: int) -> dict[str, Course]:
 
 def last_cycle_kmh(found: Course) -> np.ndarray:
     """Vehicle speed at which the last cycle begins [km/h], (lanes,)."""
-    begun = np.asarray(found.stop.rollout.state.loop.memory.cycle_time)
+    begun = np.asarray(found.stop.rollout.state.loop.memory.control.cycle_time)
     return np.array(
         [
             3.6 * np.interp(t, time[ok], v[ok])

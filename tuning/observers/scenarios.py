@@ -135,7 +135,7 @@ def simulate(
     result = rollout(loop, state, start, step=period, steps=steps, save_every=1, max_events=3000)
     result.raise_if_failed()
     samples, stiffness, slip = jax.tree.map(np.asarray, _signals(loop, result.path))
-    onset = np.asarray(result.state.memory.onset_time)
+    onset = np.asarray(result.state.memory.control.onset_time)
     if not (onset > 0).all():
         raise ValueError(
             f"in run {int(np.argmin(onset > 0))} the controller never switches; there is nothing to excite"

@@ -100,7 +100,7 @@ def _drive(loop: ClosedLoop) -> tuple[np.ndarray, Sample, np.ndarray, Any, float
     )
     path = result.raise_if_failed().path
     signals = jax.tree.map(np.asarray, jax.vmap(loop.measured)(path.time, path.state, path.mode))
-    onset = float(result.state.memory.onset_time)
+    onset = float(result.state.memory.control.onset_time)
     return np.asarray(path.time), Sample.of(signals), signals.stiffness, path.state.observer, onset
 
 
