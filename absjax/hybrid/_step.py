@@ -105,6 +105,12 @@ class Tile:
             return jnp.ones_like(time)
         return self._over(lambda s, t, x, m: s.importance(t, x, m), time, state, mode)
 
+    def scales(self, state):
+        """Magnitudes below which a state counts as that large."""
+        if not hasattr(self.system, "scales"):
+            return jax.tree.map(lambda _: 0.0, state)
+        return self._over(lambda s, x: s.scales(x), state)
+
     def ticking(self, lanes: Lanes):
         return (lanes.doing == NORMAL) & ((lanes.index + 1) % self.system.tick_every == 0)
 
@@ -266,23 +272,24 @@ def _finite(tree):
     return jnp.isfinite(sum(leaf if leaf.ndim == 1 else leaf.sum(axis=range(1, leaf.ndim)) for leaf in leaves))
 
 
-def _strain(state, reached, last, slope, step):
+def _strain(state, reached, last, slope, step, scales):
     """Local error of a step as a share of the state, that of the worst of its numbers.
 
     What the last of the four slopes, k4, is off the slope at the end of the step, f(x1), makes h/6 (k4 - f(x1)) of it.
     For x' = s x it is (h s)^4 / 72 of x: 0.001 at h s = 1/2, beyond all bounds where h s nears 3.
     """
 
-    def share(before, after, k4, k):
+    def share(before, after, k4, k, least):
         if k is None:
             return jnp.zeros_like(step)
         change = per_lane(step, k) * (jnp.abs(k4) + jnp.abs(k))
-        scale = jnp.abs(before) + jnp.abs(after) + change
+        scale = jnp.abs(before) + jnp.abs(after) + change + per_lane(least, k)
         error = safe_divide(per_lane(step, k) / 6 * jnp.abs(k4 - k), scale, scale > 0)
         return error.max(axis=range(1, error.ndim))
 
     worst = jnp.zeros_like(step)
-    for error in jax.tree.leaves(jax.tree.map(share, state, reached, last, slope, is_leaf=lambda leaf: leaf is None)):
+    shares = jax.tree.map(share, state, reached, last, slope, scales, is_leaf=lambda leaf: leaf is None)
+    for error in jax.tree.leaves(shares):
         worst = jnp.maximum(worst, error)
     return worst
 
@@ -315,7 +322,8 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
         decision = Decision(held, lanes.doing, lanes.slot, lanes.landing, lanes.missed_before, held & ~held)
     kept = decision.kept
     accepted = (lanes.doing == NORMAL) & ~kept
-    strain = _strain(lanes.state, reached, last, there.slope, step) * tile.importance(time, state, mode)
+    strain = _strain(lanes.state, reached, last, there.slope, step, tile.scales(lanes.state))
+    strain = strain * tile.importance(time, state, mode)
     failed = active & ~finite
     before, after = (lanes.state, lanes.local), (state, here)
     if here.guards:

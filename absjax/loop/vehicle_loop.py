@@ -432,6 +432,10 @@ class VehicleLoop:
         speed, position = self.vehicle.speed_of(time, state.vehicle), self.vehicle.position(time, state.vehicle)
         return Course(speed, position, Memory(memory.pedal_time, memory.pedal_position, control, worst), longest)
 
+    def scales(self, state: VehicleLoopState) -> VehicleLoopState:
+        """Those of the vehicle; of all else every share counts."""
+        return jax.tree.map(lambda leaf: 0.0 * leaf, state)._replace(vehicle=self.vehicle.scales(state.vehicle))
+
     def importance(self, time, state: VehicleLoopState, mode):
         """Share (v / v0)^2 of the distance that is still ahead, with v0 the speed of the first switching."""
         first = state.memory.control[0].onset_speed

@@ -2,6 +2,8 @@
 
 from typing import Any, ClassVar
 
+import jax
+
 from absjax.parameters import model, part
 from absjax.plant.base import Plant
 
@@ -32,6 +34,10 @@ class OneWheel:
     def flow(self, time, state, pressures):
         """That of the plant."""
         return self.plant.flow(time, state, pressures[0])
+
+    def scales(self, state):
+        """None."""
+        return jax.tree.map(lambda leaf: 0.0 * leaf, state)
 
     def speed_of(self, time, state):
         """v [m/s]."""

@@ -14,6 +14,7 @@ axle. Source: Aguado-Rojas 2019, section 3.6, eq. 3.36.
 import dataclasses
 from typing import Any, ClassVar, NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from absjax.parameters import model, parameter, part
@@ -25,6 +26,11 @@ from absjax.signals import Signals
 FRONT_AXLE = Wheel(inertia=2.4, radius=0.3, load=8175.0, brake_efficiency=35.0)
 REAR_AXLE = Wheel(inertia=2.4, radius=0.3, load=6540.0, brake_efficiency=17.0)
 """Both wheels of an axle together, the load at rest."""
+
+BODY_SCALES = 0.01, 0.1, 0.01, 0.1
+"""Magnitudes of heave [m], its rate, pitch [rad] and its rate, of a car that brakes."""
+SLIP_SCALE = 0.01
+"""Of a relaxed slip."""
 
 
 @model
@@ -180,6 +186,13 @@ class TwoAxle:
                 for axle, w, slip in zip(self.axles, state.wheel_speeds, state.slips)
             )
         return TwoAxleState(total / self.mass, turning, state.speed, body, slips)
+
+    def scales(self, state: TwoAxleState) -> TwoAxleState:
+        """The body and the relaxed slips rest at zero."""
+        nothing = jax.tree.map(lambda leaf: 0.0 * leaf, state)
+        body = None if state.body is None else BodyState(*(0.0 * rest + s for rest, s in zip(state.body, BODY_SCALES)))
+        slips = None if state.slips is None else tuple(SLIP_SCALE + 0.0 * slip for slip in state.slips)
+        return nothing._replace(body=body, slips=slips)
 
     def speed_of(self, time, state: TwoAxleState):
         """v [m/s]."""

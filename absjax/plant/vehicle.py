@@ -37,6 +37,10 @@ class Vehicle(Protocol):
         """d(state)/dt under the brake pressure at each wheel [bar]."""
         ...
 
+    def scales(self, state: Any) -> Any:
+        """Magnitudes below which errors of the state are shares of these, of its structure; 0 where any counts."""
+        ...
+
     def speed_of(self, time: Any, state: Any) -> Any:
         """v, along the vehicle [m/s]."""
         ...
