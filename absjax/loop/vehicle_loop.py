@@ -57,7 +57,7 @@ class VehicleLoopState(NamedTuple):
 class VehicleLoop:
     """A braked vehicle under anti-lock controllers, switchings located.
 
-    Mode: see `mode`; `FINISHED` after the vehicle has fallen to `stop_speed`, `UNDEFINED` if a controller has come to
+    Mode: see `parts`; `FINISHED` after the vehicle has fallen to `stop_speed`, `UNDEFINED` if a controller has come to
     where its law is not defined. A rollout from mode 0 begins with the pedal untouched.
 
     Raises:
@@ -112,16 +112,21 @@ class VehicleLoop:
             len(self.vehicle.places),
         )
 
-    def _parts(self, mode) -> VehicleMode:
+    def parts(self, mode) -> VehicleMode:
+        """What channels, wheels and foot do in `mode`."""
         return decoded(mode, self._layout)
+
+    def mode(self, parts: VehicleMode):
+        """The mode of what they do."""
+        return parts.encoded(self._layout)
 
     def phases(self, mode) -> tuple[Any, ...]:
         """The phase of each channel in `mode`; an end is its own."""
-        return tuple(jnp.where(jnp.asarray(mode) < 0, mode, phase) for phase in self._parts(mode).phases)
+        return tuple(jnp.where(jnp.asarray(mode) < 0, mode, phase) for phase in self.parts(mode).phases)
 
     def locked(self, mode) -> tuple[Any, ...]:
         """Whether each wheel is locked in `mode`."""
-        return tuple((jnp.asarray(mode) >= 0) & (locked == 1) for locked in self._parts(mode).locked)
+        return tuple((jnp.asarray(mode) >= 0) & (locked == 1) for locked in self.parts(mode).locked)
 
     def initial_state(self, speed) -> VehicleLoopState:
         """State of free rolling at `speed` [m/s] with the brakes released."""
@@ -140,9 +145,9 @@ class VehicleLoop:
 
     def with_controllers(self, time, state: VehicleLoopState, mode) -> VehicleLoopState:
         """The state with observers and controllers at their start."""
-        parts = self._parts(mode)
-        slope = self._free(time, state)
-        measured = self._of_channels(self._measured(time, state, slope, parts), parts)
+        parts = self.parts(mode)
+        slope = self.free(time, state)
+        measured = self.of_channels(self._measured(time, state, slope, parts), parts)
         begun = (c.begun(s, m) for c, s, m in zip(self.channels, state.channels, measured))
         return state._replace(channels=tuple(begun))
 
@@ -160,7 +165,7 @@ class VehicleLoop:
             at_wheel.update(dict.fromkeys(wheels, pressure))
         return tuple(at_wheel[i] for i in range(len(at_wheel)))
 
-    def _free(self, time, state: VehicleLoopState):
+    def free(self, time, state: VehicleLoopState):
         """d(state)/dt of the vehicle, its wheels free to turn."""
         return self.vehicle.flow(time, state.vehicle, self.pressures(state))
 
@@ -180,9 +185,9 @@ class VehicleLoop:
 
     def measured(self, time, state: VehicleLoopState, mode) -> tuple[Signals, ...]:
         """What sensors without error see at each wheel."""
-        return self._measured(time, state, self._free(time, state), self._parts(mode))
+        return self._measured(time, state, self.free(time, state), self.parts(mode))
 
-    def _of_channels(self, measured: tuple[Signals, ...], parts: VehicleMode) -> tuple[Signals, ...]:
+    def of_channels(self, measured: tuple[Signals, ...], parts: VehicleMode) -> tuple[Signals, ...]:
         """Of each channel the signals it goes by."""
         return tuple(
             measured[wheels[0]]
@@ -193,7 +198,7 @@ class VehicleLoop:
 
     def told(self, measured: tuple[Signals, ...], state: VehicleLoopState, parts: VehicleMode) -> tuple[Signals, ...]:
         """What each controller is told of what is measured at the wheels: XBS as its observer estimates it."""
-        signals = self._of_channels(measured, parts)
+        signals = self.of_channels(measured, parts)
         return tuple(c.with_estimate(m, own) for c, m, own in zip(self.channels, signals, state.channels))
 
     def fitted_to_load(self, measured: tuple[Signals, ...], parts: VehicleMode) -> tuple[Channel, ...]:
@@ -251,7 +256,7 @@ class VehicleLoop:
 
     def flow(self, time, state: VehicleLoopState, mode) -> VehicleLoopState:
         """d(state)/dt."""
-        parts, slope = self._parts(mode), self._free(time, state)
+        parts, slope = self.parts(mode), self.free(time, state)
         measured = self._measured(time, state, slope, parts)
         told, channels = self.told(measured, state, parts), self.fitted_to_load(measured, parts)
         driven = self.driven(state, parts, slope, self.commands(channels, told, state, parts))
@@ -291,7 +296,7 @@ class VehicleLoop:
 
     def guards(self, time, state: VehicleLoopState, mode):
         """The controllers' slots, channel by channel, then the limits."""
-        parts, slope = self._parts(mode), self._free(time, state)
+        parts, slope = self.parts(mode), self.free(time, state)
         measured = self._measured(time, state, slope, parts)
         told, channels = self.told(measured, state, parts), self.fitted_to_load(measured, parts)
         own = self.controller_guards(channels, told, state, parts)
@@ -300,8 +305,8 @@ class VehicleLoop:
 
     def jump(self, time, state: VehicleLoopState, mode, slot):
         """A controller switches, or one of the limits is met."""
-        parts = self._parts(mode)
-        told = self.told(self._measured(time, state, self._free(time, state), parts), state, parts)
+        parts = self.parts(mode)
+        told = self.told(self._measured(time, state, self.free(time, state), parts), state, parts)
         first = 0
         switched = []
         for channel in self.channels:
@@ -310,9 +315,7 @@ class VehicleLoop:
         after, following = self.switch(told, state, parts, switched, self._own_slots(slot))
         limited, other = self.meet_limit(time, state, parts, slot - first)
         own = slot < first
-        return tree_where(own, after, limited), jnp.where(
-            own, following.encoded(self._layout), other.encoded(self._layout)
-        )
+        return tree_where(own, after, limited), jnp.where(own, self.mode(following), self.mode(other))
 
     def _own_slots(self, slot):
         """For each channel the slot of its own controller."""
@@ -409,7 +412,7 @@ class VehicleLoop:
         """What is known of the manoeuvre until now: of channels and wheels together the first switching, the fewest
         cycles, the longest cycle and the longest lock."""
         memory, going = state.memory, jnp.asarray(mode) >= 0
-        current = self._locks(time, state, self._parts(mode))
+        current = self._locks(time, state, self.parts(mode))
         locks = [tree_where(going, now, before) for now, before in zip(current, memory.locks)]
         cycling = [
             control.longest_until(time, memory.pedal_time)
