@@ -75,9 +75,15 @@ def of_a_plant(plant):
     return jnp.stack([jnp.asarray(x) for x in jax.tree.leaves(found)])
 
 
-def tyre(kind):
-    values = {"c1": 0.9, "c2": 20.0, "c3": 0.3} if "c2" in bounds_of(kind) else None
-    values = values or {name: 0.2 + 0.1 * i for i, name in enumerate(bounds_of(kind))}
+TYRE_VALUES = {
+    "burckhardt": {"c1": 0.9, "c2": 20.0, "c3": 0.3},
+    "exponential_basis": {"theta0": 0.2, "theta1": 0.3, "theta2": 0.4, "rate1": 0.5, "rate2": 0.6},
+    "magic_formula": {"stiffness_factor": 9.0, "shape_factor": 1.6, "peak_value": 0.9, "curvature_factor": 0.4},
+}
+
+
+def tyre(name, kind):
+    values = TYRE_VALUES[name]
     return Component(kind, Tyre, values, lambda v: kind(**v), of_a_tyre)
 
 
@@ -100,7 +106,7 @@ def with_defaults(kind, contract, worked_out):
 
 
 TABLE = {
-    **{f"tyre {name}": tyre(kind) for name, kind in TYRES.items()},
+    **{f"tyre {name}": tyre(name, kind) for name, kind in TYRES.items()},
     **{f"plant {name}": plant(kind) for name, kind in PLANTS.items()},
     **{f"controller {name}": with_defaults(kind, Controller, of_a_controller) for name, kind in CONTROLLERS.items()},
     **{f"observer {name}": with_defaults(kind, Design, of_an_observer) for name, kind in OBSERVERS.items()},

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 
 from absjax.parameters import model, parameter, part
 from absjax.plant.base import Road
-from absjax.tyres.base import Tyre
+from absjax.tyres.base import Tyre, lateral_friction
 from absjax.tyres.surfaces import surface
 
 
@@ -19,6 +19,10 @@ class UniformRoad:
     def friction(self, slip, time, distance):
         """mu(lambda)."""
         return self.tyre.friction(slip)
+
+    def lateral_friction(self, slip, time, distance):
+        """mu across the wheel."""
+        return lateral_friction(self.tyre, slip)
 
     def stiffness(self, slip, time, distance):
         """XBS."""
@@ -68,6 +72,10 @@ class ChangingRoad:
     def friction(self, slip, time, distance):
         """mu(lambda) at `time` or `distance`."""
         return self._mix([tyre.friction(slip) for tyre in self.surfaces], time, distance)
+
+    def lateral_friction(self, slip, time, distance):
+        """mu across the wheel at `time` or `distance`."""
+        return self._mix([lateral_friction(tyre, slip) for tyre in self.surfaces], time, distance)
 
     def stiffness(self, slip, time, distance):
         """XBS at `time` or `distance`."""
