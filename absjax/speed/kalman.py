@@ -73,7 +73,7 @@ class KalmanSpeed:
         "c, slip over deceleration, s^2/m", default=0.003, low=0.0, high=0.05, trainable=True, span=(0.0, 0.03)
     )
     lag: Any = parameter("of the derivative of the rim speeds, s", default=0.02, low=0.0)
-    least: Any = parameter("speed that the estimate is not below, m/s", **LEAST)
+    least: Any = parameter("speed that the estimate is not below, m/s", default=0.1, **LEAST)
     wheels: int = 2
     """how many of the wheels are listened to"""
 

@@ -17,7 +17,6 @@ from tuning.speed import study, tasks
 from tuning.speed.bench import Bench, errors_of
 from tuning.speed.config import SpeedConfig
 from tuning.speed.estimators import NAMES, estimator_of
-from tuning.speed.stops import Told
 from tuning.speed.tune import SpeedProblem
 
 SHORT = {
@@ -71,6 +70,14 @@ def test_what_is_told_of_a_stop(told):
     assert noise.std() == pytest.approx(0.05, rel=0.1)
     drawn = np.concatenate([off.T, noise[..., 0].T, noise[..., 1].T], axis=1)
     assert np.abs(np.corrcoef(drawn.T) - np.eye(12)).max() < 0.4
+
+
+def test_wheels_that_roll_for_longer_before_a_stop(told):
+    longer = told.after_rolling(0.5)
+    assert longer.stops.speed.shape == (4, 211) and not longer.stops.active[:, :80].any()
+    np.testing.assert_array_equal(longer.stops.speed[:, 50:], told.stops.speed)
+    np.testing.assert_array_equal(longer.stops.acceleration[:, :50], 0.0)
+    assert told.roads[1] == "wet_asphalt, bias -0.5"
 
 
 def test_errors_against_plain_sums(bench, told):
@@ -143,6 +150,8 @@ def test_the_study(tmp_path, monkeypatch, told):
     assert (out / "speed.png").exists()
     table = pd.read_csv(out / "tables" / "held_out_stops.csv").set_index("estimator")
     assert len(table) == 3 and np.isfinite(table.to_numpy()).all()
+    rolling = pd.read_csv(out / "tables" / "rolling_before_braking.csv")
+    assert rolling["Kalman filter, front axle"].iloc[-1] < rolling["Kalman filter, front axle"].iloc[0]
     largest = table.loc["largest rim"]
     assert largest["rms, before [m/s]"] == largest["rms, after [m/s]"]
     again = SpeedConfig.from_json({**result["config"], "start": result["parameters"]})

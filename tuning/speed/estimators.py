@@ -13,7 +13,7 @@ from tuning.core.box import Box, box_of
 from tuning.core.components import component
 from tuning.core.config import choice
 
-UNTUNED = {
+UNTUNED: dict[str, Any] = {
     "speed_drift": 0.1,
     "bias_drift": 0.02,
     "bias_deviation": 0.5,

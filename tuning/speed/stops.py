@@ -1,12 +1,15 @@
 """Simulated anti-lock stops of a car on two axles, as an estimator of its speed is told them.
 
-A front and a rear wheel brake under a shipped controller, each with its share of the car. The car's speed is what their
-forces make of both shares together, v = (m_f v_f + m_r v_r) / (m_f + m_r); the rims turn with the slips the wheels have,
-R w_i = (1 + lambda_i) v. Load transfer and suspension are left out.
+A front and a rear wheel brake under a shipped controller, each with its share of the car. The car's speed is what
+their forces make of both shares together, and the rims turn with the slips the wheels have:
+
+    v = (m_f v_f + m_r v_r) / (m_f + m_r),  R w_i = (1 + lambda_i) v
+
+Load transfer and suspension are left out.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -67,12 +70,21 @@ class Stops(NamedTuple):
 
     def select(self, index) -> "Stops":
         """Some of the stops."""
-        return Stops(*(values[index] for values in self[:4]), self.period)
+        return self._each(lambda values: values[index])
+
+    def after_rolling(self, seconds: float) -> "Stops":
+        """The same stops, before which the wheels roll freely so much longer [s]."""
+        more = round(seconds / self.period)
+        return self._each(lambda x: np.concatenate([np.repeat(x[:, :1], more, axis=1), x], axis=1))
+
+    def _each(self, change: Callable[[Any], Any]) -> "Stops":
+        return self._replace(**{name: change(getattr(self, name)) for name in self._fields[:-1]})
 
     @classmethod
     def joined(cls, parts: Sequence["Stops"]) -> "Stops":
         """Several sets of stops of equal length as one."""
-        return cls(*(np.concatenate(values) for values in zip(*(part[:4] for part in parts))), parts[0].period)
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in cls._fields[:-1]}
+        return parts[0]._replace(**arrays)
 
 
 def simulate(
@@ -120,9 +132,7 @@ def simulate(
     )
     share = np.reshape(wheel.load, (len(AXLES), stops))[..., None]
     share = share / share.sum(axis=0)
-    speed, acceleration = (
-        np.sum(share * x, axis=0) for x in (signals.vehicle_speed, signals.vehicle_acceleration)
-    )
+    speed, acceleration = (np.sum(share * x, axis=0) for x in (signals.vehicle_speed, signals.vehicle_acceleration))
     slips = signals.radius * signals.wheel_speed / signals.vehicle_speed - 1
     time = GRID * every * np.arange(speed.shape[1])
     active = valid.all(axis=0) & (time >= onset.min(axis=0)[:, None] + delay)
@@ -146,6 +156,18 @@ class Told:
     names: tuple[str, ...]
     stops: Stops
     samples: SpeedSamples
+    measured: tuple[Accelerometer, float, Any]
+    """by which accelerometer, noise of the rims [m/s], and its seeds"""
+
+    @property
+    def roads(self) -> list[str]:
+        """Road and bias of every stop."""
+        return [f"{name.rsplit(', ', 3)[0]}, {name.rpartition(', ')[2]}" for name in self.names]
+
+    def after_rolling(self, seconds: float) -> "Told":
+        """The same stops, before which the wheels roll freely so much longer [s], told anew."""
+        stops = self.stops.after_rolling(seconds)
+        return dataclasses.replace(self, stops=stops, samples=stops.told(*self.measured))
 
     @classmethod
     def of(cls, names, stops: Stops, biases: Sequence[float], noise: float, rim_noise: float, seed: int) -> "Told":
@@ -155,4 +177,5 @@ class Told:
         each = stops.select(index)
         sensor = Accelerometer(np.tile(np.asarray(biases, float), len(names)), noise, seeds)
         named = tuple(f"{name}, bias {bias:+g}" for name in names for bias in biases)
-        return cls(named, each, each.told(sensor, rim_noise, seeds))
+        measured = sensor, rim_noise, seeds
+        return cls(named, each, each.told(*measured), measured)

@@ -1,22 +1,26 @@
 """What estimators of the vehicle's speed are worth before and after tuning, and what makes the published error."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
+from scipy.optimize import root_scalar
 
 from absjax.speed.base import SpeedEstimator
 from absjax.speed.kalman import KalmanSpeed
 from tuning.speed.bench import Bench, errors_of
 from tuning.speed.estimators import title_of, with_values
+from tuning.speed.stops import Told
 
 PUBLISHED_ERROR = 0.18
 """Mean error of the speed, underestimated. Source: Aguado-Rojas 2019, section 3.6."""
 WIDEST = 1e4
 """Factor by which the gates of a filter are opened so that a wheel is trusted while it slips."""
 GATES = ("below", "above", "deviation")
+ROLLS = 0.25
+"""Of the published scenario, before the pedal is touched [s]."""
 
 
 def rounded(row: Mapping[str, Any]) -> dict[str, Any]:
@@ -38,23 +42,37 @@ def error_rows(bench: Bench, sets: Mapping[str, tuple[SpeedEstimator, SpeedEstim
     """A row an estimator, before and after tuning; `sets` by name."""
     return [
         rounded(
-            {"estimator": title_of(name)}
-            | error_row(bench, before, ", before")
-            | error_row(bench, after, ", after")
+            {"estimator": title_of(name)} | error_row(bench, before, ", before") | error_row(bench, after, ", after")
         )
         for name, (before, after) in sets.items()
     ]
 
 
-def stop_rows(
-    bench: Bench, names: Sequence[str], sets: Mapping[str, tuple[SpeedEstimator, SpeedEstimator]]
+def road_rows(
+    bench: Bench, groups: Sequence[str], sets: Mapping[str, tuple[SpeedEstimator, SpeedEstimator]]
 ) -> list[dict[str, Any]]:
-    """Mean error [%] of every stop, a column a tuned estimator."""
+    """Mean error [%] of the tuned estimators, a row a group of stops; `groups` (stops,)."""
     errors = {title_of(name): errors_of(bench, after).relative for name, (_, after) in sets.items()}
+    every = np.array(groups)
     return [
-        rounded({"stop": stop} | {title: 100 * float(values[i]) for title, values in errors.items()})
-        for i, stop in enumerate(names)
+        rounded({"road": group} | {title: 100 * float(of[every == group].mean()) for title, of in errors.items()})
+        for group in dict.fromkeys(groups)
     ]
+
+
+def rolling_rows(
+    told: Told, sets: Mapping[str, tuple[SpeedEstimator, SpeedEstimator]], seconds: Sequence[float]
+) -> list[dict[str, Any]]:
+    """Mean error [%] of the tuned estimators over how long the wheels roll before a stop begins.
+
+    The filter finds the bias while they do, and coasts on it later.
+    """
+    rows = []
+    for more in seconds:
+        bench = Bench.of(told.after_rolling(more))
+        errors = {title_of(n): 100 * float(errors_of(bench, after).relative.mean()) for n, (_, after) in sets.items()}
+        rows.append(rounded({"rolls before [s]": more + ROLLS} | errors))
+    return rows
 
 
 def opened(estimator: KalmanSpeed, factor: float) -> KalmanSpeed:
@@ -66,18 +84,18 @@ def gates_for(bench: Bench, estimator: KalmanSpeed, error: float = PUBLISHED_ERR
     """The factor on the gates that gives a mean relative error; None where even `WIDEST` does not."""
 
     def beyond(logarithm):
-        return float(errors_of(bench, opened(estimator, float(np.exp(logarithm)))).relative.mean()) - error
+        return float(errors_of(bench, opened(estimator, math.exp(logarithm))).relative.mean()) - error
 
-    if beyond(0.0) >= 0 or beyond(np.log(WIDEST)) <= 0:
+    if beyond(0.0) >= 0 or beyond(math.log(WIDEST)) <= 0:
         return None
-    return float(np.exp(brentq(beyond, 0.0, np.log(WIDEST), xtol=1e-4)))
+    return math.exp(root_scalar(beyond, bracket=(0.0, math.log(WIDEST)), xtol=1e-4).root)
 
 
 def gate_rows(bench: Bench, estimator: KalmanSpeed, error: float = PUBLISHED_ERROR) -> list[dict[str, Any]]:
     """What trusting a wheel while it slips costs: errors over the factor on the gates, that of `error` among them."""
     factor = gates_for(bench, estimator, error)
-    rows = []
-    for wide in sorted([1.0, 2.0, 5.0, 20.0, WIDEST, *([factor] if factor else [])]):
+    rows, factors = [], [1.0, 2.0, 5.0, 20.0, WIDEST] + ([] if factor is None else [factor])
+    for wide in sorted(factors):
         given = opened(estimator, wide)
         under = -100 * float(errors_of(bench, given).signed.mean())
         said = "the published error" if wide == factor else "as tuned" if wide == 1 else ""

@@ -21,6 +21,8 @@ from tuning.speed.tune import tune_speed
 
 SCENARIO_BIAS = 0.5
 """Turn-on bias of the accelerometer in the published scenario, m/s^2."""
+ROLLING = (0.0, 0.25, 0.75, 1.75)
+"""Added to the time the wheels roll before it, s."""
 
 
 def stops_of(config: SpeedConfig, entry: str) -> Told:
@@ -38,9 +40,8 @@ def speed_study(config: SpeedConfig, out: Path, progress: Progress, journal: Jou
     """Tune every estimator, judge it on stops held out, and on the published scenario."""
     training, held_out = Bench.of(stops_of(config, "roads")), stops_of(config, "held_out")
     judged, scenario = Bench.of(held_out), published_scenario(config.period, config.controllers[0])
-    published = Bench.of(
-        Told.of(["Fig. 3.15"], scenario, (SCENARIO_BIAS,), config.noise, config.rim_noise, config.seed)
-    )
+    told = Told.of(["Fig. 3.15"], scenario, (SCENARIO_BIAS,), config.noise, config.rim_noise, config.seed)
+    published = Bench.of(told)
     sets: dict[str, tuple[Any, Any]] = {}
     parameters, tuned, interrupted = {}, {}, False
     for name in config.estimators:
@@ -55,7 +56,8 @@ def speed_study(config: SpeedConfig, out: Path, progress: Progress, journal: Jou
         "held-out stops: errors while a controller acts": study.error_rows(judged, sets),
         "tuned stops: errors on those tuned on": study.error_rows(training, sets),
         "published scenario: Fig. 3.15": study.error_rows(published, sets),
-        "each stop: mean error [%] of the tuned, held out": study.stop_rows(judged, held_out.names, sets),
+        "each road: mean error [%] of the tuned on held-out stops": study.road_rows(judged, held_out.roads, sets),
+        "rolling before braking: mean error [%] of the tuned, Fig. 3.15": study.rolling_rows(told, sets, ROLLING),
     }
     if tuned:
         tables["parameters"] = study.parameter_rows(sets, tuned)
