@@ -18,6 +18,7 @@ FLOORS = (
     ("tuning.observers",),
     ("tuning.encoder",),
     ("tuning.sideslip",),
+    ("tuning.speed",),
     ("tuning.controllers",),
     ("tuning.cli", "tuning.__main__", "tuning"),
 )

@@ -1,4 +1,4 @@
-"""The command line: identify a road, tune anti-lock control, observers, the encoder chain and side-slip, study each."""
+"""The command line: identify a road; tune anti-lock control, observers, the encoder chain, side-slip and speed."""
 
 import contextlib
 import os
@@ -12,6 +12,7 @@ from tuning.logs import command as logs
 from tuning.observers import command as observers
 from tuning.road import command as road
 from tuning.sideslip import command as sideslip
+from tuning.speed import command as speed
 
 # Without markup: help and errors show units and names in brackets as they are.
 app = typer.Typer(
@@ -35,6 +36,7 @@ COMMANDS = {
     "side-slip": sideslip.side_slip,
     "tune-side-slip": sideslip.tune_side_slip,
     "side-slip-study": sideslip.side_slip_study,
+    "speed-study": speed.speed_study,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""

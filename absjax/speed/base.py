@@ -45,7 +45,7 @@ class SpeedEstimator(Protocol):
         ...
 
 
-LEAST: dict[str, Any] = {"default": 0.1, "low": 0.0, "open_low": True}
+LEAST: dict[str, Any] = {"low": 0.0, "open_low": True}
 """Of the field `least`, which every estimator has: whoever divides by v^ may."""
 
 

@@ -27,7 +27,7 @@ class FixedGradient:
     gradient: Any = parameter(
         "at which it falls, m/s^2", default=8.0, low=0.0, open_low=True, trainable=True, span=(0.5, 20.0)
     )
-    least: Any = parameter("speed that the estimate is not below, m/s", **LEAST)
+    least: Any = parameter("speed that the estimate is not below, m/s", default=0.1, **LEAST)
     wheel: int = 0
 
     def __post_init__(self):

@@ -52,26 +52,28 @@ class KalmanState(NamedTuple):
 class KalmanSpeed:
     """The filter, on the first `wheels` rims; 1: on the front axle alone, as in the source.
 
+    The default values are round ones near those that `python -m tuning speed-study` finds for two axles.
+
     Raises:
         ValueError: at construction, unless there is a wheel.
     """
 
     title: ClassVar[str] = "Kalman filter"
 
-    speed_drift: Any = parameter("q_v, density of what drives v, m/s^1.5", default=0.1, span=(1e-3, 5.0), **TUNED)
+    speed_drift: Any = parameter("q_v, density of what drives v, m/s^1.5", default=0.015, span=(1e-3, 5.0), **TUNED)
     bias_drift: Any = parameter("q_b, density of what drives b, m/s^2.5", default=0.02, span=(1e-4, 1.0), **TUNED)
-    bias_deviation: Any = parameter("of b when it begins, m/s^2", default=0.5, span=(0.05, 3.0), **TUNED)
+    bias_deviation: Any = parameter("of b when it begins, m/s^2", default=2.0, span=(0.05, 3.0), **TUNED)
     rim_noise: Any = parameter("r, of a rolling wheel, m/s", default=0.1, span=(5e-3, 3.0), **TUNED)
-    below: Any = parameter("k of rims below the estimate, standard deviations", default=2.0, span=(0.2, 50.0), **TUNED)
-    above: Any = parameter("k of rims above it, standard deviations", default=5.0, span=(0.2, 50.0), **TUNED)
+    below: Any = parameter("k of rims below the estimate, standard deviations", default=0.3, span=(0.05, 50.0), **TUNED)
+    above: Any = parameter("k of rims above it, standard deviations", default=15.0, span=(0.05, 50.0), **TUNED)
     deviation: Any = parameter(
-        "A, difference of a rim's acceleration from the car's, m/s^2", default=5.0, span=(0.3, 500.0), **TUNED
+        "A, difference of a rim's acceleration from the car's, m/s^2", default=3.0, span=(0.3, 500.0), **TUNED
     )
     slip: Any = parameter(
-        "c, slip over deceleration, s^2/m", default=0.0, low=0.0, high=0.05, trainable=True, span=(0.0, 0.03)
+        "c, slip over deceleration, s^2/m", default=0.003, low=0.0, high=0.05, trainable=True, span=(0.0, 0.03)
     )
     lag: Any = parameter("of the derivative of the rim speeds, s", default=0.02, low=0.0)
-    least: Any = parameter("speed that the estimate is not below, m/s", **LEAST)
+    least: Any = parameter("speed that the estimate is not below, m/s", default=0.1, **LEAST)
     wheels: int = 2
     """how many of the wheels are listened to"""
 

@@ -14,7 +14,7 @@ class LargestRim:
 
     title: ClassVar[str] = "largest rim"
 
-    least: Any = parameter("speed that the estimate is not below, m/s", **LEAST)
+    least: Any = parameter("speed that the estimate is not below, m/s", default=0.1, **LEAST)
 
     def initial_state(self, speed):
         """The speed."""

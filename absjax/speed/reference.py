@@ -62,7 +62,7 @@ class ReferenceSpeed:
     )
     nearness: Any = parameter("slip at which a wheel is too far below", default=0.1, low=0.0, high=1.0, open_low=True)
     lag: Any = parameter("of the derivative of the rim speed, s", default=0.02, low=0.0)
-    least: Any = parameter("speed that the estimate is not below, m/s", **LEAST)
+    least: Any = parameter("speed that the estimate is not below, m/s", default=0.1, **LEAST)
     rank: int = 1
     """1: raised to the fastest rim; 2: to the second fastest, so that a wheel that spins does not raise it"""
     refreshed_by: int | None = None

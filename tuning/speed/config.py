@@ -1,10 +1,11 @@
 """What estimators of the vehicle's speed to tune and compare, on which stops."""
 
-import dataclasses
 from typing import Annotated, Any
 
 from pydantic import Field
 
+from absjax.controllers import CONTROLLERS
+from absjax.parameters import bounds_of
 from tuning.core.box import Box
 from tuning.core.config import (
     LONGEST,
@@ -38,6 +39,8 @@ class SpeedConfig(SearchConfig):
         estimators: names in `tuning.speed.estimators.NAMES`, or `package.module:Class`.
         roads: tuned on, from each of `speeds_kmh`, or the speeds of its own.
         held_out: roads judged on, from each of `held_out_speeds_kmh`, or the speeds of its own.
+        controllers: names in `absjax.controllers.CONTROLLERS`, whose shipped sets act on both axles; every stop is made
+            under each.
         biases: of the accelerometer [m/s^2]; every stop is told with each.
         noise: standard deviation of a sample of the accelerometer [m/s^2].
         rim_noise: of a rim speed [m/s].
@@ -56,7 +59,7 @@ class SpeedConfig(SearchConfig):
         Surfaces(("dry_concrete", "snow", "wet_asphalt"), (35.0, 90.0)),
         Surfaces(("snow", "dry_asphalt"), (50.0,)),
     )
-    speeds_kmh: Speeds = (60.0, 110.0, 170.0)
+    speeds_kmh: Speeds = (60.0, 140.0)
     held_out: Roads = (
         "dry_concrete",
         "wet_cobblestones",
@@ -65,7 +68,8 @@ class SpeedConfig(SearchConfig):
         Surfaces(("wet_asphalt", "snow"), (40.0,)),
         Surfaces(("wet_cobblestones", "dry_concrete", "wet_cobblestones"), (30.0, 60.0)),
     )
-    held_out_speeds_kmh: Speeds = (90.0, 150.0)
+    held_out_speeds_kmh: Speeds = (90.0, 160.0)
+    controllers: Annotated[Names, Field(min_length=1)] = ("two_phase", "five_phase")
     biases: Annotated[Reals, Field(min_length=1, max_length=LONGEST)] = (0.5, -0.5)
     noise: NonNegative = 0.1
     rim_noise: NonNegative = 0.05
@@ -83,6 +87,10 @@ class SpeedConfig(SearchConfig):
         super().__post_init__()
         require("estimators", self.estimators, len(set(self.estimators)) == len(self.estimators), "distinct")
         require("objective", self.objective, self.objective != "worst" or self.batch is None, "of all stops: no batch")
+        for name in self.estimators:
+            estimator_of(name)
+        for name in self.controllers:
+            choice("controllers", name, CONTROLLERS)
         for entry in ("start", "tune", "limits"):
             for name in getattr(self, entry):
                 choice(entry, name.rpartition(".")[0], self.estimators)
@@ -102,7 +110,7 @@ class SpeedConfig(SearchConfig):
         """The estimator of a name the descent starts from."""
         estimator = estimator_of(name)
         for parameter in own(name, self.start):
-            choice("start", parameter, [field.name for field in dataclasses.fields(estimator)])
+            choice("start", parameter, tuple(bounds_of(estimator)))
         return with_values(estimator, own(name, self.start))
 
     def box(self, name: str) -> Box | None:

@@ -13,9 +13,20 @@ from tuning.core.box import Box, box_of
 from tuning.core.components import component
 from tuning.core.config import choice
 
+UNTUNED: dict[str, Any] = {
+    "speed_drift": 0.1,
+    "bias_drift": 0.02,
+    "bias_deviation": 0.5,
+    "rim_noise": 0.1,
+    "below": 2.0,
+    "above": 5.0,
+    "deviation": 5.0,
+    "slip": 0.0,
+}
+"""Of the Kalman filter, guessed: what it is tuned from. The class has tuned values by default."""
 VARIANTS: dict[str, SpeedEstimator] = {
-    "kalman": KalmanSpeed(),
-    "kalman_front": KalmanSpeed(wheels=1),
+    "kalman": KalmanSpeed(**UNTUNED),
+    "kalman_front": KalmanSpeed(**UNTUNED, wheels=1),
     "reference_refreshed": ReferenceSpeed(refreshed_by=1),
 }
 """Those that are not what a class makes by default."""
@@ -36,7 +47,7 @@ def title_of(name: str) -> str:
 
 
 def estimator_of(name: str) -> SpeedEstimator:
-    """The estimator of a name in `NAMES`, or `package.module:Class`, with its default values.
+    """The estimator of a name in `NAMES`, or `package.module:Class` with its default values, untuned.
 
     Raises:
         ConfigError: if there is none.

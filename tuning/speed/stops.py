@@ -1,22 +1,25 @@
 """Simulated anti-lock stops of a car on two axles, as an estimator of its speed is told them.
 
-A front and a rear wheel brake under shipped controllers, each with its share of the car. The car's speed is what their
-forces make of both shares together, v = (m_f v_f + m_r v_r) / (m_f + m_r); the rims turn with the slips the wheels have,
-R w_i = (1 + lambda_i) v. Load transfer and suspension are left out.
+A front and a rear wheel brake under a shipped controller, each with its share of the car. The car's speed is what
+their forces make of both shares together, and the rims turn with the slips the wheels have:
+
+    v = (m_f v_f + m_r v_r) / (m_f + m_r),  R w_i = (1 + lambda_i) v
+
+Load transfer and suspension are left out.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 from absjax.controllers import CONTROLLERS
-from absjax.lanes import over_lanes
+from absjax.lanes import over_lanes, taken
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import Driver
-from absjax.loop.stop import Stop, stop
+from absjax.loop.stop import stop
 from absjax.plant.base import Road
 from absjax.plant.brake import Brake
 from absjax.plant.quarter_car import QuarterCar
@@ -29,11 +32,8 @@ from absjax.tyres.surfaces import surface
 from tuning.core.components import built
 from tuning.core.files import shipped
 
-AXLES = {
-    "front": (Wheel(inertia=1.2, load=4200.0, brake_efficiency=17.5), "five_phase"),
-    "rear": (Wheel(inertia=1.2, load=3000.0, brake_efficiency=8.5), "two_phase"),
-}
-"""A wheel of each axle, and the shipped controller set it brakes under."""
+AXLES = {"front": {"load": 4200.0, "brake_efficiency": 17.5}, "rear": {"load": 3000.0, "brake_efficiency": 8.5}}
+"""A wheel of each axle, by fields of `absjax.plant.wheel.Wheel`."""
 GRID, SWITCHINGS = 2e-3, 2000
 RIM_CHANNEL = 2
 """Of the noise of the first rim; the next ones follow."""
@@ -70,17 +70,39 @@ class Stops(NamedTuple):
 
     def select(self, index) -> "Stops":
         """Some of the stops."""
-        return Stops(self.speed[index], self.acceleration[index], self.rims[index], self.active[index], self.period)
+        return self._each(lambda values: values[index])
+
+    def after_rolling(self, seconds: float) -> "Stops":
+        """The same stops, before which the wheels roll freely so much longer [s]."""
+        more = round(seconds / self.period)
+        return self._each(lambda x: np.concatenate([np.repeat(x[:, :1], more, axis=1), x], axis=1))
+
+    def _each(self, change: Callable[[Any], Any]) -> "Stops":
+        return self._replace(**{name: change(getattr(self, name)) for name in self._fields[:-1]})
+
+    @classmethod
+    def joined(cls, parts: Sequence["Stops"]) -> "Stops":
+        """Several sets of stops of equal length as one."""
+        arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in cls._fields[:-1]}
+        return parts[0]._replace(**arrays)
 
 
 def simulate(
-    road: Road, speeds: Sequence[float], *, delay: float, stop_speed: float, period: float, horizon: float
+    road: Road,
+    speeds: Sequence[float],
+    controller: str,
+    *,
+    delay: float,
+    stop_speed: float,
+    period: float,
+    horizon: float,
 ) -> Stops:
-    """Simulate stops.
+    """Simulate stops, front and rear wheels side by side as lanes of one loop.
 
     Args:
         road: of every stop; leaves with a leading axis are of one stop each.
         speeds: at the start, (stops,) [m/s].
+        controller: name of a kind and of its shipped set, on both axles.
         delay: before the pedal is touched [s].
         stop_speed: that ends a stop [m/s].
         period: of the samples, rounded to the grid of the simulation [s].
@@ -89,50 +111,42 @@ def simulate(
     Raises:
         RolloutError: if a stop fails otherwise than by still moving at the horizon.
     """
-    every, first = max(1, round(period / GRID)), np.asarray(speeds, float)
-    wheels = []
-    for wheel, name in AXLES.values():
-        controller = built(name, CONTROLLERS[name], shipped("controllers.json")[name], wheel)
-        driver = Driver(rate=400.0, delay=delay, largest=180.0)
-        brake = Brake(rate_limit=750.0, lag=5e-3)
-        loop = ClosedLoop(QuarterCar(wheel, road), brake, controller, stop_speed=stop_speed, driver=driver)
-        found = stop(loop, first, horizon=horizon, step=GRID, max_events=SWITCHINGS, save_every=every)
-        found.rollout.raise_if_failed()
-        wheels.append((float(wheel.mass), found, _signals(loop, found)))
-    masses = np.array([mass for mass, *_ in wheels])
-    share = masses / masses.sum()
-
-    def of_the_car(values):
-        return sum(part * value for part, value in zip(share, values))
-
-    speed = of_the_car([s.vehicle_speed for *_, s in wheels])
-    acceleration = of_the_car([s.vehicle_acceleration for *_, s in wheels])
-    slips = [s.radius * s.wheel_speed / s.vehicle_speed - 1 for *_, s in wheels]
-    rims = np.stack([(1 + slip) * speed for slip in slips], axis=2)
-    paths = [found.rollout.path for _, found, _ in wheels]
-    moves = np.logical_and(*(np.asarray(path.valid) for path in paths if path is not None))
-    acts = np.min([np.asarray(found.onset_time) for _, found, _ in wheels], axis=0) + delay
-    time = GRID * every * np.arange(speed.shape[1])
-    return Stops(speed, acceleration, rims, moves & (time >= acts[:, None]), GRID * every)
-
-
-def _signals(loop: ClosedLoop, found: Stop):
+    every, stops = max(1, round(period / GRID)), len(speeds)
+    fields = {name: np.repeat([axle[name] for axle in AXLES.values()], stops) for name in AXLES["front"]}
+    wheel, road = Wheel(**fields), taken(road, np.tile(np.arange(stops), len(AXLES)))
+    loop = ClosedLoop(
+        QuarterCar(wheel, road),
+        Brake(rate_limit=750.0, lag=5e-3),
+        built("controllers", CONTROLLERS[controller], shipped("controllers.json")[controller], wheel),
+        stop_speed=stop_speed,
+        driver=Driver(rate=400.0, delay=delay, largest=180.0),
+    )
+    start = np.tile(np.asarray(speeds, float), len(AXLES))
+    found = stop(loop, start, horizon=horizon, step=GRID, max_events=SWITCHINGS, save_every=every)
+    found.rollout.raise_if_failed()
     path = found.rollout.path
     assert path is not None
-    measured = over_lanes(
-        lambda one, *points: jax.vmap(one.measured)(*points), loop, path.time, path.state, path.mode
+    measured = over_lanes(lambda one, *points: jax.vmap(one.measured)(*points), loop, path.time, path.state, path.mode)
+    signals, valid, onset = jax.tree.map(
+        lambda x: np.reshape(x, (len(AXLES), stops, *np.shape(x)[1:])), (measured, path.valid, found.onset_time)
     )
-    return jax.tree.map(np.asarray, measured)
+    share = np.reshape(wheel.load, (len(AXLES), stops))[..., None]
+    share = share / share.sum(axis=0)
+    speed, acceleration = (np.sum(share * x, axis=0) for x in (signals.vehicle_speed, signals.vehicle_acceleration))
+    slips = signals.radius * signals.wheel_speed / signals.vehicle_speed - 1
+    time = GRID * every * np.arange(speed.shape[1])
+    active = valid.all(axis=0) & (time >= onset.min(axis=0)[:, None] + delay)
+    return Stops(speed, acceleration, np.moveaxis((1 + slips) * speed, 0, 2), active, GRID * every)
 
 
-def published_scenario(period: float) -> Stops:
+def published_scenario(period: float, controller: str) -> Stops:
     """Dry asphalt, snow from 2.5 s, wet asphalt from 5 s, from 180 to 15 km/h, the pedal touched at 0.25 s.
 
     Source: Aguado-Rojas 2019, section 3.6 and Fig. 3.15.
     """
     surfaces = tuple(surface(name) for name in ("dry_asphalt", "snow", "wet_asphalt"))
     road = ChangingRoad(surfaces, (2.5, 5.0))
-    return simulate(road, [180 / 3.6], delay=0.25, stop_speed=15 / 3.6, period=period, horizon=12.0)
+    return simulate(road, [180 / 3.6], controller, delay=0.25, stop_speed=15 / 3.6, period=period, horizon=12.0)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -142,6 +156,18 @@ class Told:
     names: tuple[str, ...]
     stops: Stops
     samples: SpeedSamples
+    measured: tuple[Accelerometer, float, Any]
+    """by which accelerometer, noise of the rims [m/s], and its seeds"""
+
+    @property
+    def roads(self) -> list[str]:
+        """Road and bias of every stop."""
+        return [f"{name.rsplit(', ', 3)[0]}, {name.rpartition(', ')[2]}" for name in self.names]
+
+    def after_rolling(self, seconds: float) -> "Told":
+        """The same stops, before which the wheels roll freely so much longer [s], told anew."""
+        stops = self.stops.after_rolling(seconds)
+        return dataclasses.replace(self, stops=stops, samples=stops.told(*self.measured))
 
     @classmethod
     def of(cls, names, stops: Stops, biases: Sequence[float], noise: float, rim_noise: float, seed: int) -> "Told":
@@ -151,4 +177,5 @@ class Told:
         each = stops.select(index)
         sensor = Accelerometer(np.tile(np.asarray(biases, float), len(names)), noise, seeds)
         named = tuple(f"{name}, bias {bias:+g}" for name in names for bias in biases)
-        return cls(named, each, each.told(sensor, rim_noise, seeds))
+        measured = sensor, rim_noise, seeds
+        return cls(named, each, each.told(*measured), measured)
