@@ -55,7 +55,9 @@ class SampledVehicle:
     """
 
     loop: VehicleLoop = part("the loop")
-    sensors: tuple[Sensor, ...] = part("what is measured at each wheel instead of the truth; none: no error", default=())
+    sensors: tuple[Sensor, ...] = part(
+        "what is measured at each wheel instead of the truth; none: no error", default=()
+    )
     speed: SpeedEstimator | None = part("estimates the vehicle's speed; None tells the true one", default=None)
     accelerometer: Any = part("tells the vehicle's acceleration; None without error", default=None)
     tick_every: int = 1

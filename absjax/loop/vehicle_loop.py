@@ -18,7 +18,7 @@ from absjax.loop import pressure_limits, wheel_lock
 from absjax.loop._modes import FREE, ON_PEDAL, Mode
 from absjax.loop._vehicle_modes import WIDEST, Layout, VehicleMode, decoded
 from absjax.loop.channel import Channel, ChannelState
-from absjax.loop.driver import HELD, NEVER, OFF, PRESSING, Driver, Pedal
+from absjax.loop.driver import NEVER, OFF, PRESSING, Driver, Pedal
 from absjax.loop.memory import Course, Cycles, Locks, Memory
 from absjax.observers.base import Observer
 from absjax.parameters import model, parameter, part
@@ -105,6 +105,11 @@ class VehicleLoop:
         return tuple((i,) for i in range(len(self.channels))) if self.wiring is None else self.wiring
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """What the channels are called: by the wheels they command."""
+        return tuple(" and ".join(self.vehicle.places[i] for i in wheels) for wheels in self.wheels_of)
+
+    @property
     def _layout(self) -> Layout:
         return Layout(
             tuple((len(channel.controller.phases) - 1).bit_length() for channel in self.channels),
@@ -138,9 +143,7 @@ class VehicleLoop:
             tuple(Locks.blank(speed) for _ in self.vehicle.places),
         )
         brakes = tuple(ChannelState(channel.brake.initial_state(zero), None, ()) for channel in self.channels)
-        state = VehicleLoopState(
-            self.vehicle.initial_state(speed), brakes, self.driver.initial_state(speed), blank
-        )
+        state = VehicleLoopState(self.vehicle.initial_state(speed), brakes, self.driver.initial_state(speed), blank)
         return self.with_controllers(zero, state, 0)
 
     def with_controllers(self, time, state: VehicleLoopState, mode) -> VehicleLoopState:
@@ -175,9 +178,7 @@ class VehicleLoop:
         measured = self.vehicle.signals(time, state.vehicle, slope, pressures)
         return tuple(
             signals._replace(
-                acceleration_offset=jnp.where(
-                    locked == 1, -signals.vehicle_acceleration, signals.acceleration_offset
-                ),
+                acceleration_offset=jnp.where(locked == 1, -signals.vehicle_acceleration, signals.acceleration_offset),
                 pedal=pedal,
             )
             for signals, locked in zip(measured, parts.locked)
@@ -390,9 +391,7 @@ class VehicleLoop:
             return moved, following
         # A lifted pedal is back at zero: control begins anew.
         released = (does == OFF) & (parts.foot != OFF)
-        empty = tuple(
-            own._replace(brake=own.brake._replace(commanded=pedal.level)) for own in moved.channels
-        )
+        empty = tuple(own._replace(brake=own.brake._replace(commanded=pedal.level)) for own in moved.channels)
         anew = self.with_controllers(time, moved._replace(channels=empty), 0)
         begins = following._replace(
             phases=tuple(0 * phase for phase in parts.phases),

@@ -80,14 +80,16 @@ class SteeringTable(_Given):
 
     def angle(self, time, state):
         """delta [rad]."""
-        return jnp.interp(time, jnp.stack(jnp.broadcast_arrays(*self.times)), jnp.stack(jnp.broadcast_arrays(*self.angles)))
+        return jnp.interp(
+            time, jnp.stack(jnp.broadcast_arrays(*self.times)), jnp.stack(jnp.broadcast_arrays(*self.angles))
+        )
 
 
 @model
 class YawDriver:
     """A driver who steers against the yaw rate and the yaw angle, late and within what the arms can do.
 
-        lag delta' = A tanh(-(K r + Kp psi) / A) - delta
+    lag delta' = A tanh(-(K r + Kp psi) / A) - delta
     """
 
     yaw_gain: Any = parameter("K, rad per rad/s of yaw rate", default=0.25, low=0.0)

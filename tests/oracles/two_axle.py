@@ -35,7 +35,8 @@ class ByHand:
         v, _, z, dz, q, dq = y[:6]
         springs = [-k * (z - x * q) - d * (dz - x * dq) for k, d, x in zip(SPRINGS, DAMPERS, ARMS)]
         forces = [
-            max(rest + s, 0.0) * friction(self.axle(y, i)[3], self.c) for i, (rest, s) in enumerate(zip(AT_REST, springs))
+            max(rest + s, 0.0) * friction(self.axle(y, i)[3], self.c)
+            for i, (rest, s) in enumerate(zip(AT_REST, springs))
         ]
         pitching = -HEIGHT * sum(forces) - sum(x * s for x, s in zip(ARMS, springs))
         turning = [
