@@ -19,7 +19,9 @@ FLOORS = (
     ("tuning.encoder",),
     ("tuning.sideslip",),
     ("tuning.speed",),
+    ("tuning.vehicle",),
     ("tuning.controllers",),
+    ("tuning.vehicle.regulation.tasks", "tuning.vehicle.regulation.command"),
     ("tuning.cli", "tuning.__main__", "tuning"),
 )
 """From the ground up: a room imports from its own floor and those below."""

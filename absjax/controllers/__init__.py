@@ -3,6 +3,7 @@
 from absjax.controllers.base import Controller
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.no_control import NoControl
 from absjax.controllers.production import ProductionLogic
 from absjax.controllers.slip import SlipControl
 from absjax.controllers.stiffness import StiffnessControl
@@ -17,5 +18,6 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "slip": SlipControl,
     "bosch": BoschLogic,
     "production": ProductionLogic,
+    "no_control": NoControl,
 }
 """By name."""
