@@ -32,10 +32,11 @@ def tune_abs(
     fitted = fit(problem, config, progress=progress, journal=journal)
     parameters = problem.setup.initial | fitted.values
     rows = score(problem, parameters)
+    breached = [] if problem.regulation is None else problem.regulation.warnings(parameters)
     return TuningResult(
         parameters=parameters,
         rows=rows,
-        warnings=short_phases(problem.setup, problem.batch, parameters) + unstable_stops(rows),
+        warnings=short_phases(problem.setup, problem.batch, parameters) + unstable_stops(rows) + breached,
         cycles=certify_cycles(problem.setup, parameters),
         cost=fitted.cost,
         history=fitted.history,
