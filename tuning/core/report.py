@@ -10,6 +10,9 @@ from rich.text import Text
 
 from tuning.core.files import write_csv
 
+LONGEST_NAME = 100
+"""Characters of a table's file."""
+
 
 class Report(NamedTuple):
     """What a task found: tables by title, lines of text, files written."""
@@ -19,6 +22,28 @@ class Report(NamedTuple):
     files: list[Path]
     interrupted: bool = False
     """whether it was ended from the keyboard"""
+    verdict: str | None = None
+    """in a word, whether what was found can be trusted; None where nothing is judged"""
+    reasons: Sequence[str] = ()
+    """of the verdict"""
+    warnings: Sequence[str] = ()
+    """lines that whoever uses what was found should have read"""
+    seeds: Mapping[str, Any] = {}
+    """of random numbers, by what is drawn, where no configuration has them"""
+
+
+class About(NamedTuple):
+    """What a command says of itself to a reader who was not there."""
+
+    title: str
+    did: str
+    """what it takes, does and gives, in sentences"""
+    captions: Mapping[str, str] = {}
+    """what tables and figures show, by a part of the table's title or of the figure's file name; the first counts"""
+
+    def caption(self, name: str) -> str:
+        """Of a table or figure; empty if there is none."""
+        return next((said for part, said in self.captions.items() if part in name), "")
 
 
 def cell(value: float | None, digits: int = 2) -> str:
@@ -38,7 +63,7 @@ def rows_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
 
 def table_name(title: str) -> str:
     """Of its file, after the title up to a colon."""
-    return re.sub(r"[^a-z0-9]+", "_", title.lower().split(":")[0]).strip("_")
+    return re.sub(r"[^a-z0-9]+", "_", title.lower().split(":")[0]).strip("_")[:LONGEST_NAME] or "table"
 
 
 def write_tables(report: Report, folder: Path) -> list[Path]:

@@ -40,9 +40,9 @@ def described(
         save(description_figure(found), out / "description.png"),
     ]
     lines = [f"{name}: column {source.channel.name!r} in {source.unit.text}" for name, source in found.sources.items()]
-    lines += found.log.notes
-    lines += [f"doubtful: {said}" for said in found.log.doubts] or ["nothing looks wrong"]
-    return Report({f"{found.log.name}: signals": _rows(result["signals"])}, lines, files)
+    lines += found.log.notes if found.log.doubts else [*found.log.notes, "nothing looks wrong"]
+    warnings = [f"doubtful: {said}" for said in found.log.doubts]
+    return Report({f"signals: {found.log.name}": _rows(result["signals"])}, lines, files, warnings=warnings)
 
 
 def description(found: Reading) -> dict[str, Any]:

@@ -84,7 +84,7 @@ def study(log: VehicleLog, car: Car, estimator: Estimator, out: Path) -> Report:
             files.append(save(figure, out / "friction_parameter.png"))
     tables: dict[str, Any] = {}
     if errors:
-        tables[f"{log.name}: errors"] = [{"log": log.name, **{k: float(f"{v:.4g}") for k, v in errors.items()}}]
+        tables[f"errors: {log.name}"] = [{"log": log.name, **{k: float(f"{v:.4g}") for k, v in errors.items()}}]
     if signs:
         tables["choice functions along the run"] = [{k: float(f"{v:.4g}") for k, v in signs.items()}]
     if not tables:
@@ -173,7 +173,7 @@ def tune(
         ],
         "errors": [_rounded(row) for row in result.logs],
     }
-    lines = doubts(tuned)
+    lines = []
     if result.each:
         tables["each log held out in turn"] = [_rounded(row) for row in result.each]
         for key, what in (("ratio", "held out"), ("ratio on the others, tuned on", "tuned on")):
@@ -192,7 +192,7 @@ def tune(
     ]
     files = [write_json(out / "result.json", result.to_json())]
     files.append(save(figures.history_figure(result.history), out / "history.png"))
-    return Report(tables, lines, files, result.interrupted)
+    return Report(tables, lines, files, result.interrupted, warnings=doubts(tuned))
 
 
 def _geometric_mean(values) -> float:
