@@ -58,12 +58,17 @@ def test_describe_says_what_a_log_holds(tmp_path):
     assert done.exit_code == 0, done.output
     said = " ".join(done.output.split())
     assert "wheel_speed: column 'nWheel[/red] [rad/s]' in rad/s" in said
-    assert "doubtful: acceleration: sits at -8 m/s^2 in 41% of its samples" in said
+    assert "verdict: doubtful acceleration: sits at -8 m/s^2 in 41% of its samples" in said
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert result["signals"]["acceleration"]["clipped"] == [-8.0] and result["step"] == pytest.approx(1e-3)
     assert result["signals"]["wheel_speed"]["rate"] == pytest.approx(1000)
     assert (tmp_path / "out" / "description.png").read_bytes().startswith(b"\x89PNG")
-    require_page(tmp_path / "out", "signals: &lt;b&gt;Müller &amp; Söhne&lt;b&gt;.csv", "nWheel[/red]", "doubtful:")
+    require_page(
+        tmp_path / "out",
+        "signals: &lt;b&gt;Müller &amp; Söhne&lt;b&gt;.csv",
+        "nWheel[/red]",
+        "<strong>doubtful</strong>",
+    )
     assert "<b>" not in (tmp_path / "out" / "report.html").read_text("utf-8")
     done = CliRunner().invoke(app, [*command, "--force", "--columns", "time=Zeit [s]"])
     assert (

@@ -4,14 +4,19 @@ import base64
 import importlib
 import json
 import re
+import sys
 from html.parser import HTMLParser
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pytest
+import typer
+from typer.main import get_command
+from typer.testing import CliRunner
 
 import tuning
-from tuning.cli import COMMANDS
+from tuning.cli import COMMANDS, app
+from tuning.core import command as core
 from tuning.core.figures import save
 from tuning.core.page import MOST_ROWS, write_page
 from tuning.core.report import About, Report, table_name, write_tables
@@ -132,6 +137,34 @@ def test_every_figure_has_a_caption():
 def test_every_command_says_what_it_did():
     titles = [about.title for room in ROOMS for about in abouts(room)]
     assert len(titles) == len(set(titles)) == len(COMMANDS)
+
+
+def test_every_command_goes_where_reports_are_written(tmp_path, monkeypatch):
+    """With the least that each of them asks for, and none of its work done."""
+    carried = []
+    for module in (core, *{sys.modules[command.__module__] for command in COMMANDS.values()}):
+        monkeypatch.setattr(
+            module, "carry_out", lambda out, work, **given: carried.append(given["about"]), raising=False
+        )
+    for name, command in get_command(app).commands.items():  # pyright: ignore[reportAttributeAccessIssue]
+        words = ["log.csv" for word in command.params if word.required and word.param_type_name == "argument"]
+        done = CliRunner().invoke(app, [name, *words, "--out", str(tmp_path)])
+        assert done.exit_code == 0, (name, done.output)
+    assert len(carried) == len({about.title for about in carried}) == len(COMMANDS)
+
+
+def test_a_run_that_was_interrupted_has_a_page_that_says_so(tmp_path):
+    parts = [
+        Report({"first": [{"x": 1.0}]}, [], []),
+        Report({}, ["half"], [], interrupted=True),
+        Report({}, ["no"], []),
+    ]
+    with pytest.raises(typer.Exit) as left:
+        core.carry_out(tmp_path, lambda: ((), lambda: iter(parts)))
+    assert left.value.exit_code == 130
+    texts = [text for _, text in Page((tmp_path / "report.html").read_text()).texts]
+    assert any("ended from the keyboard" in text for text in texts) and "half" in texts and "no" not in texts
+    assert (tmp_path / "tables" / "first.csv").read_text() == "x\n1.0\n"
 
 
 def abouts(path: Path) -> list[About]:

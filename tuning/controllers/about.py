@@ -4,8 +4,9 @@ from tuning.core.report import About
 
 QUANTITY = (
     "Ideal: the shortest distance the driver's pedal allows on that road. Distances count from the first touch of the "
-    "pedal to the stop, with switchings located exactly and sampled as a control unit does; growth tells unstable "
-    "stops apart. The published quantity begins at the controller's first switching and stands for comparison only."
+    "pedal to the stop, with switchings located exactly, and sampled as a control unit does. Above ideal: the worse of "
+    "both. Onset: the first switching. Lock: how long the wheel stood still while the car was faster than 15 km/h. The "
+    "published quantity begins at the first switching and stands for comparison with published tables only."
 )
 TUNED = {
     "distances from the pedal": f"A row a road and speed, before and after tuning. {QUANTITY}",

@@ -24,10 +24,20 @@ CONFIGURED = ("config", "wheel", "car")
 """Entries of a result that say what it was made with."""
 MEANINGS = {
     "sound": "What was found goes with the data; nothing speaks against it.",
-    "doubtful": "Something in the data does not go with what was found. To be used with care, for these reasons:",
-    "refuted": "The data contradict what was found. It should not be used, for these reasons:",
+    "nothing looks wrong": "Which says that the data hold together, not that they are right.",
+    "doubtful": "Something in the data looks wrong, or does not go with the rest. To be used with care, because:",
+    "refuted": "The data contradict what was found. It should not be used, because:",
 }
 """Of the verdicts that commands give."""
+COLOURS = {
+    "sound": "good",
+    "nothing looks wrong": "good",
+    "certified": "good",
+    "doubtful": "care",
+    "refuted": "bad",
+    "NOT certified": "bad",
+}
+"""Of a box, by how a verdict begins."""
 LIBRARIES = ("jax", "jaxlib", "numpy", "scipy")
 CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 NUMBER = re.compile(r"[-+−–±<>≤≥~]*\s*(\.?\d|nan$|inf$|$)", re.IGNORECASE)
@@ -87,6 +97,7 @@ def write_page(path: Path, reports: Sequence[Report], about: About | None = None
         date=datetime.now().astimezone().strftime("%d %B %Y, %H:%M %Z"),
         took=f"{seconds / 60:.0f} min" if seconds >= 120 else f"{seconds:.0f} s",
         meanings=MEANINGS,
+        colours=COLOURS,
         verdicts=[report for report in reports if report.verdict is not None],
         warnings=[said for report in reports for said in report.warnings],
         interrupted=any(report.interrupted for report in reports),
@@ -109,6 +120,8 @@ def shown(value: Any) -> str:
         return "yes" if value else "no"
     if isinstance(value, float):
         return f"{value:g}" if math.isfinite(value) else str(value)
+    if isinstance(value, list | tuple) and not any(isinstance(entry, Mapping | list | tuple) for entry in value):
+        return ", ".join(map(shown, value))
     if isinstance(value, Mapping | list | tuple):
         value = json.dumps(value, ensure_ascii=False, default=str)
     return CONTROL.sub("\ufffd", str(value))

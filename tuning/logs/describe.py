@@ -40,9 +40,9 @@ def described(
         save(description_figure(found), out / "description.png"),
     ]
     lines = [f"{name}: column {source.channel.name!r} in {source.unit.text}" for name, source in found.sources.items()]
-    lines += found.log.notes if found.log.doubts else [*found.log.notes, "nothing looks wrong"]
-    warnings = [f"doubtful: {said}" for said in found.log.doubts]
-    return Report({f"signals: {found.log.name}": _rows(result["signals"])}, lines, files, warnings=warnings)
+    lines += found.log.notes
+    verdict, tables = "doubtful" if found.log.doubts else "nothing looks wrong", _rows(result["signals"])
+    return Report({f"signals: {found.log.name}": tables}, lines, files, verdict=verdict, reasons=found.log.doubts)
 
 
 def description(found: Reading) -> dict[str, Any]:

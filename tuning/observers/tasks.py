@@ -74,7 +74,9 @@ def _outcome(result: ObserverResult, out: Path, tables, files) -> Report:
         *files,
     ]
     certificate = str(certify(observer)) if result.certificate else f"{result.config.observer} offers no certificate"
-    return Report(tables, [f"parameters: {parameters}", f"gains: {gains}", certificate], files, result.interrupted)
+    verdict, *conditions = map(str.strip, certificate.splitlines())
+    lines = [f"parameters: {parameters}", f"gains: {gains}"]
+    return Report(tables, lines, files, result.interrupted, verdict=verdict, reasons=conditions)
 
 
 def _pair(result: ObserverResult) -> list[GainSet]:

@@ -24,7 +24,7 @@ from tuning.sideslip.bench import LogSet, errors_of
 from tuning.sideslip.config import SideSlipConfig
 from tuning.sideslip.estimators import ESTIMATORS, TITLES, estimator_of, parameters_of
 from tuning.sideslip.study import study_log
-from tuning.sideslip.tune import SideSlipResult, tune_side_slip
+from tuning.sideslip.tune import AFTER, BEFORE, SideSlipResult, tune_side_slip
 
 NARROW = 0.5
 """Share of the standard deviation of the side-slip over all logs below which one manoeuvre makes up the set."""
@@ -149,6 +149,15 @@ def doubts(logs: Sequence[tuple[VehicleLog, Car]]) -> list[str]:
     return said
 
 
+def worsened(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """The logs held out on which the tuned gains are worse than those before."""
+    return [
+        f"warning: {row['log']}, held out: the side-slip error grew from {row[BEFORE]:.3g} to {row[AFTER]:.3g} deg"
+        for row in rows
+        if row["tuned on"] == "no" and row[AFTER] > row[BEFORE]
+    ]
+
+
 def prepare(config: SideSlipConfig):
     """The logs of a configuration: tuned on, and held out."""
     return [read_with_car(Path(log)) for log in config.logs], [read_with_car(Path(log)) for log in config.held_out]
@@ -182,7 +191,7 @@ def tune(
         beside = LogSet.of([log for log, _ in tuned], [car for _, car in tuned])
         better = np.degrees(errors_of(beside, ESTIMATORS["better"].make()).side_slip)
         for rows, what in ((result.each, "held out"), (result.logs[: len(tuned)], "tuned on all")):
-            ratios = np.array([row["side-slip after [deg]"] for row in rows]) / better
+            ratios = np.array([row[AFTER] for row in rows]) / better
             shown = ", ".join(f"{ratio:.3f}" for ratio in ratios)
             lines.append(
                 f"over that of the better gains, {what}: {shown}; geometric mean {_geometric_mean(ratios):.3f}"
@@ -192,7 +201,7 @@ def tune(
     ]
     files = [write_json(out / "result.json", result.to_json())]
     files.append(save(figures.history_figure(result.history), out / "history.png"))
-    return Report(tables, lines, files, result.interrupted, warnings=doubts(tuned))
+    return Report(tables, lines, files, result.interrupted, warnings=[*doubts(tuned), *worsened(result.logs)])
 
 
 def _geometric_mean(values) -> float:
