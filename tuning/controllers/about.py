@@ -1,6 +1,6 @@
 """What the commands on controllers say of themselves in their reports."""
 
-from tuning.core.report import About
+from tuning.core.about import About
 
 QUANTITY = (
     "Ideal: the shortest distance the driver's pedal allows on that road. Distances count from the first touch of the "

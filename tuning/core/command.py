@@ -3,14 +3,12 @@
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import typer
 
+from tuning.core.about import About
 from tuning.core.terminal import INTERRUPTED, bar, clear_errors, print_report, say
-
-if TYPE_CHECKING:
-    from tuning.core.report import About
 
 __all__ = ["Force", "Out", "Resume", "carry_out", "configuration", "journal_path", "say", "tune", "tuned"]
 
@@ -27,7 +25,7 @@ def carry_out(
     out: Path,
     work: Work,
     *,
-    about: "About | None" = None,
+    about: About | None = None,
     source: Path | None = None,
     force: bool = False,
     resume: bool = False,
@@ -67,7 +65,7 @@ def tune(
     path: Path | None,
     load: Callable[[], tuple[Any, Callable[[Any], Run]]],
     *,
-    about: "About | None" = None,
+    about: About | None = None,
     changes: dict[str, Any] | None = None,
     inputs: dict[str, Path | None] | None = None,
     resume: bool = False,

@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 import jinja2
 
+from tuning.core.about import About
 from tuning.core.call import CALL, Call
 from tuning.core.files import write_whole
-from tuning.core.report import About, Report, table_name
+from tuning.core.report import Report, table_name
 from tuning.core.version import VERSION
 
 MOST_ROWS = 40

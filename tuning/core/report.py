@@ -32,20 +32,6 @@ class Report(NamedTuple):
     """of random numbers, by what is drawn, where no configuration has them"""
 
 
-class About(NamedTuple):
-    """What a command says of itself to a reader who was not there."""
-
-    title: str
-    did: str
-    """what it takes, does and gives, in sentences"""
-    captions: Mapping[str, str] = {}
-    """what tables and figures show, by a part of the table's title or of the figure's file name; the first counts"""
-
-    def caption(self, name: str) -> str:
-        """Of a table or figure; empty if there is none."""
-        return next((said for part, said in self.captions.items() if part in name), "")
-
-
 def cell(value: float | None, digits: int = 2) -> str:
     """A number, or a dash."""
     return "-" if value is None else f"{value:.{digits}f}"

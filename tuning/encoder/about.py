@@ -1,6 +1,6 @@
 """What the commands on encoders say of themselves in their reports."""
 
-from tuning.core.report import About
+from tuning.core.about import About
 
 ENCODER = About(
     "Wheel speed and acceleration from encoder edges",

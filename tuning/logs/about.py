@@ -1,6 +1,6 @@
 """What `describe` says of itself in its report."""
 
-from tuning.core.report import About
+from tuning.core.about import About
 
 DESCRIBE = About(
     "What a brake log holds",

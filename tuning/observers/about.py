@@ -1,6 +1,6 @@
 """What the commands on observers say of themselves in their reports."""
 
-from tuning.core.report import About
+from tuning.core.about import About
 
 CERTIFICATE = (
     "An observer estimates, from the wheel's acceleration offset x2, the slope of the friction curve at the point the "

@@ -1,6 +1,6 @@
 """What `identify` says of itself in its report."""
 
-from tuning.core.report import About
+from tuning.core.about import About
 
 IDENTIFY = About(
     "The road's friction curve from a brake log",

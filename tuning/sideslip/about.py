@@ -1,6 +1,6 @@
 """What the commands on side-slip say of themselves in their reports."""
 
-from tuning.core.report import About
+from tuning.core.about import About
 
 THETA = (
     "Side-slip is the angle between where a car points and where it goes; it is not measured in series cars, but "
