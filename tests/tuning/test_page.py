@@ -143,14 +143,17 @@ def test_every_command_says_what_it_did():
 def test_every_command_goes_where_reports_are_written(tmp_path, monkeypatch):
     """With the least that each of them asks for, and none of its work done."""
     carried = []
+
+    def note(out, work, about=None, **_):
+        carried.append(about)
+
     for module in (core, *{sys.modules[command.__module__] for command in COMMANDS.values()}):
-        monkeypatch.setattr(
-            module, "carry_out", lambda out, work, **given: carried.append(given["about"]), raising=False
-        )
+        monkeypatch.setattr(module, "carry_out", note, raising=False)
     for name, command in get_command(app).commands.items():  # pyright: ignore[reportAttributeAccessIssue]
         words = ["log.csv" for word in command.params if word.required and word.param_type_name == "argument"]
         done = CliRunner().invoke(app, [name, *words, "--out", str(tmp_path)])
         assert done.exit_code == 0, (name, done.output)
+        assert isinstance(carried[-1], About), f"{name} hands no tuning.core.about.About on to carry_out or tune"
     assert len(carried) == len({about.title for about in carried}) == len(COMMANDS)
 
 
