@@ -7,6 +7,7 @@ import sys
 import typer
 
 from tuning.controllers import command as controllers
+from tuning.core.call import ToldCommand
 from tuning.encoder import command as encoder
 from tuning.logs import command as logs
 from tuning.observers import command as observers
@@ -41,7 +42,7 @@ COMMANDS = {
 }
 """By name, in the order of the help."""
 for _name, _command in COMMANDS.items():
-    app.command(_name)(_command)
+    app.command(_name, cls=ToldCommand)(_command)
 
 
 @app.callback()
