@@ -14,6 +14,7 @@ from tuning.observers import command as observers
 from tuning.road import command as road
 from tuning.sideslip import command as sideslip
 from tuning.speed import command as speed
+from tuning.vehicle import command as vehicle
 
 # Without markup: help and errors show units and names in brackets as they are.
 app = typer.Typer(
@@ -38,6 +39,7 @@ COMMANDS = {
     "tune-side-slip": sideslip.tune_side_slip,
     "side-slip-study": sideslip.side_slip_study,
     "speed-study": speed.speed_study,
+    "vehicle-study": vehicle.vehicle_study,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""

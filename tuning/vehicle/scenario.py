@@ -6,6 +6,7 @@ which runs along while the controller acts and knows the load from eq. 3.36. The
 the controllers begin. Source: Aguado-Rojas 2019, section 3.6, Figs 3.15 to 3.19.
 """
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -13,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 
-from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.base import Controller
 from absjax.loop.channel import Channel
 from absjax.loop.driver import Driver
 from absjax.loop.sampled_vehicle import SampledVehicle
@@ -67,11 +68,11 @@ class Ride(NamedTuple):
     """bool: while the controller of the axle acts"""
 
 
-def scenario_loop(controller: Any = None) -> VehicleLoop:
-    """The car, its road, its driver and a controller for each axle."""
+def scenario_loop(controllers: Sequence[Controller]) -> VehicleLoop:
+    """The car, its road, its driver and the controllers of its axles."""
     tyres = tuple(SURFACES[name] for name in SURFACES_PASSED)
     road = ChangingRoad(tyres, CHANGES, BLEND, "time")
-    channels = (Channel(Brake(750.0, 5e-3), controller or FivePhase()),) * 2
+    channels = tuple(Channel(Brake(750.0, 5e-3), controller) for controller in controllers)
     return VehicleLoop(TwoAxle((road, road)), channels, STOP, PEDAL, BEGINS, follows_load=True)
 
 
@@ -117,7 +118,9 @@ def _ride(unit: SampledVehicle, loop: VehicleLoop, path, design: Adaptive) -> Ri
     estimates = []
     for samples, loads in zip((told, tuple(map(Sample.of, true))), known_loads):
         pairs = zip(samples, loads, vehicle.wheels, active)
-        estimates.append(np.stack([_while_active(design.observer(w), s, load / w.load, on) for s, load, w, on in pairs]))
+        estimates.append(
+            np.stack([_while_active(design.observer(w), s, load / w.load, on) for s, load, w, on in pairs])
+        )
     return Ride(
         time=np.asarray(path.time),
         speed=speed,

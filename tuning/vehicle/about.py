@@ -1,0 +1,21 @@
+"""What the commands on whole vehicles say of themselves in their reports."""
+
+from tuning.core.about import About
+
+VEHICLE_STUDY = About(
+    "Anti-lock braking of whole vehicles",
+    "Cars on two axles and on four wheels brake under one controller for each wheel or axle. Load moves to the front, "
+    "tyres take a length to build up their force, and the control unit may have to estimate the car's speed.",
+    {
+        "published scenario": "Errors while the controllers act: of the speed, of the load as reckoned from the "
+        "acceleration, of XBS; how many of its zero crossings the estimate finds, and how long it takes after a change "
+        "of the road.",
+        "distances": "Distance over the ideal one of the car under the same pedal, mean and worst of all roads and "
+        "speeds: default sets, sets tuned on a quarter car, and sets tuned on the car.",
+        "speed.png": "Speed of the car, estimated speed and rims; dashed lines: changes of the road.",
+        "pressure.png": "Pressure in front and behind.",
+        "load.png": "Loads of the axles, true and as reckoned from the measured acceleration.",
+        "stiffness_compared.png": "XBS, and its estimates from the true signals and from what the control unit is told.",
+        "stiffness.png": "XBS and its estimate in front and behind.",
+    },
+)
