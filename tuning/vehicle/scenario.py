@@ -86,7 +86,8 @@ def ride(
     """The scenario with the speed estimated, or known where there is no estimator.
 
     Args:
-        bias, noise: of the accelerometer, where there is an estimator [m/s^2].
+        bias: of the accelerometer, where there is an estimator [m/s^2].
+        noise: of it, standard deviation of a sample [m/s^2].
         design: of the observers.
 
     Raises:
