@@ -1,8 +1,8 @@
 """A vehicle's loop whose controllers sit in an electronic control unit with a clock.
 
 The same as `absjax.loop.sampled_loop` for several channels: every so many steps the unit measures at every wheel, tests
-the guards of every channel, makes at most one switching in each, and holds the commands in between. It may have a speed
-to estimate: then the controllers and observers are told that, and the acceleration that the accelerometer tells, instead
+the guards of every channel, makes at most one switching in each, and holds the commands in between. Where it has to
+estimate the speed, controllers and observers are told that, and the acceleration that the accelerometer tells, instead
 of the true ones, and the acceleration offsets are reckoned with them. Lock, limits of the pressures and the stop stay
 located.
 """

@@ -327,7 +327,7 @@ class VehicleLoop:
         return own
 
     def switch(self, told: tuple[Signals, ...], state: VehicleLoopState, parts: VehicleMode, fires, slots):
-        """State and mode after the guards `slots` of the channels that `fires` names have fired on what they are told."""
+        """State and mode after the guards `slots` of the channels that `fires` names have fired on what is `told`."""
         time = told[0].time
         speed, position = self.vehicle.speed_of(time, state.vehicle), self.vehicle.position(time, state.vehicle)
         owns, phases, pressures, memories = [], [], [], []

@@ -55,8 +55,8 @@ class TuningConfig(SearchConfig):
         speeds_kmh: initial speeds [km/h].
         plant: what is braked, in `absjax.plant.PLANTS`, or as above; plant_parameters: its further fields.
         wheel: fields of `absjax.plant.wheel.Wheel`.
-        vehicle: a whole vehicle instead of plant and wheel, see `tuning.vehicle.entry.VehicleEntry`. With sets of their own
-            the parameters are called front.eps0, rear.eps0 and so on. Its limit cycles are not looked for.
+        vehicle: a whole vehicle instead of plant and wheel, see `tuning.vehicle.entry.VehicleEntry`. With sets of their
+            own the parameters are called front.eps0, rear.eps0 and so on. Its limit cycles are not looked for.
         sensor: what the sampled control unit measures with, in `absjax.sensors.SENSORS`, or as above; None measures
             without error. sensor_parameters: its fields.
         rate_limit: of the actuator [bar/s]; None for none. `lag` [s] and `delay` [s] likewise.

@@ -58,7 +58,7 @@ def in_control_unit(
     estimator: SpeedEstimator | None = None,
     accelerometer: Accelerometer | None = None,
 ) -> SampledLoop | SampledVehicle:
-    """A loop in a control unit that tests its guards every so many grid steps; a vehicle's has the sensor at each wheel.
+    """A loop in a control unit that tests its guards every so many grid steps; a vehicle has the sensor at each wheel.
 
     Args:
         substeps: Runge-Kutta steps of an observer per sample.

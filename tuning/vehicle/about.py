@@ -15,7 +15,7 @@ VEHICLE_STUDY = About(
         "speed.png": "Speed of the car, estimated speed and rims; dashed lines: changes of the road.",
         "pressure.png": "Pressure in front and behind.",
         "load.png": "Loads of the axles, true and as reckoned from the measured acceleration.",
-        "stiffness_compared.png": "XBS, and its estimates from the true signals and from what the control unit is told.",
+        "stiffness_compared.png": "XBS, and its estimates from the true signals and from what the unit is told.",
         "stiffness.png": "XBS and its estimate in front and behind.",
     },
 )

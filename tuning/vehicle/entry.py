@@ -42,8 +42,8 @@ class VehicleEntry(Entries):
         sets: of `SETS`.
         follows_load: whether controllers and observers know the load from the acceleration.
         speed: name of the estimator that the sampled control unit has for the vehicle's speed, in
-            `absjax.speed.SPEED_ESTIMATORS`, or `package.module:Class`; None tells it the true one. speed_parameters: its
-            fields.
+            `absjax.speed.SPEED_ESTIMATORS`, or `package.module:Class`; None tells it the true one.
+        speed_parameters: its fields.
         accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
     """
 

@@ -2,8 +2,9 @@
 
 From 180 km/h; the pedal at 0.25 s, the controllers from 0.75 s in front and from 0.5 s behind; dry asphalt, snow from
 2.5 s, wet asphalt from 5 s; to 15 km/h. The accelerometer has a bias of 0.5 m/s^2. Each axle has an adaptive observer,
-which runs along while the controller acts and knows the load from eq. 3.36. The pressure of the pedal, 200 bar/s, is ours: what brings both axles near their peaks when
-the controllers begin. Source: Aguado-Rojas 2019, section 3.6, Figs 3.15 to 3.19.
+which runs along while the controller acts and knows the load from eq. 3.36. The pressure of
+the pedal, 200 bar/s, is ours: what brings both axles near their peaks when the controllers begin.
+Source: Aguado-Rojas 2019, section 3.6, Figs 3.15 to 3.19.
 """
 
 from collections.abc import Sequence
