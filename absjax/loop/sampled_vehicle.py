@@ -82,8 +82,8 @@ class SampledVehicle:
         Raises:
             ValueError: if the loop would not tick as often as a sensor expects.
         """
-        for expected in {sensor.period for sensor in self.sensors} - {None}:
-            if abs(step * self.tick_every - expected) > 1e-6 * expected:
+        for expected in {sensor.period for sensor in self.sensors}:
+            if expected is not None and abs(step * self.tick_every - expected) > 1e-6 * expected:
                 raise ValueError(f"a tick every {step * self.tick_every:g} s; the sensor's period is {expected:g} s")
 
     def initial_state(self, speed) -> SampledVehicleState:

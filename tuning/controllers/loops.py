@@ -17,7 +17,7 @@ from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
 from tuning.vehicle.entry import of_axle
 
-Loop = TypeVar("Loop", ClosedLoop, VehicleLoop)
+Loop = TypeVar("Loop", bound=ClosedLoop | VehicleLoop)
 CARRIERS = "plant", "vehicle", "driver"
 """Parts of a loop that carry the rows, those it has."""
 

@@ -1,8 +1,8 @@
 """Braking distances of a whole car: sets tuned on a quarter car and on the car, true speed and estimated.
 
 All cars brake under the same driver, 400 bar/s up to 150 bar, through actuators with a rate limit of 750 bar/s and a
-lag of 5 ms; the ideal is that of the car under the pedal (`absjax.loop.vehicle_ideal`). The settings: switchings located,
-told the truth; sampled every millisecond, told the truth; sampled, told a speed that a Kalman filter estimates from all
+lag of 5 ms; the ideal is that of the car under the pedal (`absjax.loop.vehicle_ideal`). The settings: switchings
+located, told the truth; sampled every millisecond, told the truth; sampled, told a speed that a Kalman filter estimates from all
 wheels and an accelerometer with a bias.
 """
 
@@ -69,7 +69,7 @@ def sets_of(controller: str, axles: bool) -> dict[str, dict[str, float]]:
         axles: whether each axle has its own; a set of one wheel is then that of both.
     """
     kind = TuningConfig(controller=controller).kind
-    found = {"untuned": initial(kind, {}), "quarter car": initial(kind, tuned_sets()[controller])}
+    found = {"untuned": initial(kind, {}), "quarter car": initial(kind, tuned_sets()[controller].start)}
     prefixes = ("front.", "rear.") if axles else ("",)
     spread = {name: {p + n: v for p in prefixes for n, v in values.items()} for name, values in found.items()}
     on_car = car_sets().get(controller)
