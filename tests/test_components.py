@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from absjax.contracts import require_contract
-from absjax.controllers import CONTROLLERS
+from absjax.controllers import CONTROLLERS, PREDICTIVE
 from absjax.controllers.base import Controller
 from absjax.observers import OBSERVERS
 from absjax.observers.base import Design, Observer
@@ -102,7 +102,10 @@ def with_defaults(kind, contract, worked_out):
 TABLE = {
     **{f"tyre {name}": tyre(kind) for name, kind in TYRES.items()},
     **{f"plant {name}": plant(kind) for name, kind in PLANTS.items()},
-    **{f"controller {name}": with_defaults(kind, Controller, of_a_controller) for name, kind in CONTROLLERS.items()},
+    **{
+        f"controller {name}": with_defaults(kind, Controller, of_a_controller)
+        for name, kind in {**CONTROLLERS, **PREDICTIVE}.items()
+    },
     **{f"observer {name}": with_defaults(kind, Design, of_an_observer) for name, kind in OBSERVERS.items()},
 }
 every = pytest.mark.parametrize("component", TABLE.values(), ids=TABLE.keys())
@@ -113,7 +116,7 @@ def numbers(component, values):
 
 
 def test_every_registered_component_is_in_the_table():
-    assert len(TABLE) == sum(map(len, (TYRES, PLANTS, CONTROLLERS, OBSERVERS)))
+    assert len(TABLE) == sum(map(len, (TYRES, PLANTS, CONTROLLERS, PREDICTIVE, OBSERVERS)))
 
 
 @every

@@ -7,6 +7,7 @@ import sys
 import typer
 
 from tuning.controllers import command as controllers
+from tuning.delay import command as delay
 from tuning.encoder import command as encoder
 from tuning.logs import command as logs
 from tuning.observers import command as observers
@@ -35,6 +36,7 @@ COMMANDS = {
     "side-slip": sideslip.side_slip,
     "tune-side-slip": sideslip.tune_side_slip,
     "side-slip-study": sideslip.side_slip_study,
+    "delay-study": delay.delay_study,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""

@@ -61,4 +61,6 @@ class AccelerationLoop(ReadsItsPast):
         z1, z2 = state.notch
         pull = -z1 - 2 * self.zd * z2 + 2 * (self.zn - self.zd) * state.offset
         held = jax.tree.map(lambda _: None, state.past)
-        return LoopState((arrived - self.theta * state.offset) / self.speed, (self.notch * z2, self.notch * pull), held, None)
+        return LoopState(
+            (arrived - self.theta * state.offset) / self.speed, (self.notch * z2, self.notch * pull), held, None
+        )

@@ -66,8 +66,9 @@ class Predicting:
     c2: Any = parameter("c2 of the road, as it is known", default=23.99, low=0.0, open_low=True)
     c3: Any = parameter("c3 of the road, as it is known", default=0.52, low=0.0)
     stiffest: Any = parameter("largest XBS that is predicted", default=35.0, low=0.0, open_low=True)
-    predicts: bool = True
-    """False: the law on x2 and XBS as they are"""
+    trust: Any = parameter(
+        "share of the prediction in the law; 0: x2 and XBS as they are", default=1.0, low=0.0, high=1.0
+    )
     ticks: int = 0
     """of the delay in a control unit; 0 where switchings are located"""
 
@@ -152,9 +153,9 @@ class Predicting:
 
     def following(self, signals: Signals, state: Prediction, phase):
         """The law, dPb/dt [bar/s]."""
-        offset, stiffness = signals.acceleration_offset, signals.stiffness
-        if self.predicts:
-            offset, stiffness = self.predicted(signals, state, phase)
+        ahead = self.predicted(signals, state, phase)
+        here = signals.acceleration_offset, signals.stiffness
+        offset, stiffness = (now + self.trust * (then - now) for now, then in zip(here, ahead))
         slope = self.target(signals.time, state, phase)[1]
         error = self._error(signals, state, phase)
         a, b = self.wheel.slip_gain, self.wheel.pressure_gain

@@ -93,9 +93,7 @@ class Predictor:
         n = chain.order
         states = along_flow(lambda x: field(chain, x), x, n)
         errors = [[states[k][i] - past.reference[i][k] for k in range(n - i)] for i in range(n)]
-        bias = [
-            [defined * (p - e) for p, e in zip(past.prediction[i], errors[i])] for i in range(n)
-        ]
+        bias = [[defined * (p - e) for p, e in zip(past.prediction[i], errors[i])] for i in range(n)]
         predictions: list[list[Any]] = [[] for _ in range(n)]
         rates = [[jnp.zeros_like(x[0])] * n for _ in range(3)]
         for i in reversed(range(n)):

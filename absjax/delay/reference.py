@@ -1,6 +1,6 @@
 """A square wave through a filter of an order above the system's, so that the derivatives the law asks for are states.
 
-    (Tf s + 1)^(n+1) x* = level
+(Tf s + 1)^(n+1) x* = level
 """
 
 from math import comb

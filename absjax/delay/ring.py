@@ -18,7 +18,10 @@ class Ring:
     def empty(cls, ticks: int, width: int, zero: Any) -> "Ring":
         """Rows of zeros; a `zero` with an axis is of lanes."""
         zero = jnp.asarray(zero)
-        return cls(jnp.zeros((ticks, width), zero.dtype) + zero[..., None, None], jnp.zeros(ticks, zero.dtype) + zero[..., None])
+        return cls(
+            jnp.zeros((ticks, width), zero.dtype) + zero[..., None, None],
+            jnp.zeros(ticks, zero.dtype) + zero[..., None],
+        )
 
     def pushed(self, row: Any) -> "Ring":
         """With the row of this tick, the oldest dropped."""

@@ -6,6 +6,8 @@ its own. A controller that predicts (`absjax.delay.prediction`) has its own sign
 delay as it knows it.
 """
 
+import dataclasses
+import math
 from typing import Any, NamedTuple
 
 import jax
@@ -76,15 +78,21 @@ class DelayedLoop(ClosedLoop):
         return ClosedLoop(self.plant, self.brake, self.controller, self.stop_speed, self.observer, self.driver)
 
     def in_unit(
-        self, period: float, sensor: Sensor | None = None, tick_every: int = 1, substeps: int = 1
+        self,
+        ticks: int,
+        sensor: Sensor | None = None,
+        *,
+        known: int | None = None,
+        tick_every: int = 1,
+        substeps: int = 1,
     ) -> SampledLoop:
-        """The loop in a control unit that ticks every `period` [s], delays rounded to whole ticks."""
+        """The loop in a control unit, in which the delay is so many ticks; `known`: as a controller that predicts knows
+        it, None: as it is."""
         loop = self.undelayed()
-        ticks = [max(1, round(float(np.max(delay)) / period)) for delay in self._delays]
         if self.predicting:
-            controller = self.controller.in_unit(ticks[1])  # pyright: ignore[reportAttributeAccessIssue]
-            loop = ClosedLoop(loop.plant, loop.brake, controller, loop.stop_speed, loop.observer, loop.driver)
-        return SampledLoop(loop, sensor, tick_every=tick_every, delay=ticks[0], substeps=substeps)
+            controller = self.controller.in_unit(ticks if known is None else known)  # pyright: ignore
+            loop = dataclasses.replace(loop, controller=controller)
+        return SampledLoop(loop, sensor, tick_every=tick_every, delay=ticks, substeps=substeps)
 
     def initial_state(self, speed) -> DelayedState:
         """State of free rolling at `speed` [m/s], the first command on its way for ever."""
@@ -161,11 +169,13 @@ class DelayedLoop(ClosedLoop):
         pieces = tuple(p + jnp.where(slot == count + i, 1.0, 0.0) for i, p in zip(range(readers), state.pieces))
         after = state._replace(loop=loop, pieces=pieces)
         # Nodes on both sides of the instant. What the brake does at a limit is a corner of the command, no jump.
-        before, left = self._node(time, state, mode)
         begins = jnp.where(own, 1.0, 0.0)
-        past = state.past.pushed(time, before, left)
-        row, right = self._node(time, after._replace(past=past.pushed(time, before, left, begins)), following)
-        return after._replace(past=past.pushed(time, row, right, begins)), following
+        row = state.past.value[0]
+        after = after._replace(past=state.past.pushed(time, row, 0.0 * row, begins))
+        both = jax.tree.map(lambda *leaves: jnp.stack(jnp.broadcast_arrays(*leaves)), (state, mode), (after, following))
+        rows, slopes = jax.vmap(self._node, (None, 0, 0))(time, *both)
+        past = state.past.pushed(time, rows[0], slopes[0]).pushed(time, rows[1], slopes[1], begins)
+        return after._replace(past=past), following
 
     def tick(self, time, state: DelayedState, mode):
         """A node of a grid point."""
@@ -173,3 +183,15 @@ class DelayedLoop(ClosedLoop):
         lost = jnp.stack([state.past.forgets(time - delay) for delay in self._delays]).any()
         mode = jnp.where(lost & (mode >= 0), UNDEFINED, mode)
         return state._replace(past=state.past.pushed(time, row, slope)), mode
+
+
+def nodes_of(delay: float, step: float) -> int:
+    """Nodes of the past that do for a delay and a grid step [s], with room for ten switchings within the delay."""
+    return math.ceil(delay / step) + 22
+
+
+def in_unit(loop: ClosedLoop, sensor: Sensor | None, delay: float | None, period: float, **how: Any) -> SampledLoop:
+    """A loop in a control unit that ticks every `period` [s]; a delayed one with its delay, as whole ticks."""
+    if not isinstance(loop, DelayedLoop) or delay is None:
+        return SampledLoop(loop, sensor, **how)
+    return loop.in_unit(max(1, round(delay / period)), sensor, **how)

@@ -40,7 +40,7 @@ def test_published_numbers():
 
 def test_25_ms_are_feasible_above_33_75_kmh():
     gains = jnp.linspace(376.0, 3000.0, 2000)
-    best = [float(margin_of([(K, v * KMH, -375.0) for K in gains]).margin.max()) for v in (33.7, 33.8)]
+    best = [float(margin_of([(K, v * KMH, -375.0) for K in gains]).margin.max()) for v in (33.6, 33.9)]
     assert best[0] < 0.025 < best[1]
 
 
@@ -49,7 +49,8 @@ def random_loops(count=40):
     v = rng.uniform(8, 60, count)
     zd = 10 ** rng.uniform(-2, 0, count)
     return np.stack(
-        [v * rng.uniform(20, 150, count), v, rng.uniform(-400, 3000, count), v / R, zd * rng.uniform(0, 2, count), zd], 1
+        [v * rng.uniform(20, 150, count), v, rng.uniform(-400, 3000, count), v / R, zd * rng.uniform(0, 2, count), zd],
+        1,
     )
 
 
@@ -64,7 +65,9 @@ def test_all_crossovers_against_the_magnitude_on_a_grid():
         crossovers = np.sort([float(c[i]) for c in found.crossovers])
         np.testing.assert_allclose(crossovers[: len(at)], w[at], rtol=1e-4)
         assert np.all(np.isinf(crossovers[len(at) :]))
-        poles = np.roots(np.polyadd(np.polymul([v, theta], [1, 2 * zd * wn, wn**2]), K * np.array([1, 2 * zn * wn, wn**2])))
+        poles = np.roots(
+            np.polyadd(np.polymul([v, theta], [1, 2 * zd * wn, wn**2]), K * np.array([1, 2 * zn * wn, wn**2]))
+        )
         assert found.stable[i] == (poles.real.max() < 0)
 
 
@@ -91,7 +94,7 @@ def test_a_simulation_is_stable_below_the_margin_and_unstable_above():
     K, v, theta, wn, zn, zd = cases.T
     delay = np.repeat(margins, 2) * np.tile([0.98, 1.02], len(loops))
     system = AccelerationLoop(K, v, theta, delay, wn, zn, zd)
-    result = rollout(system, system.initial_state(np.ones(len(cases))), step=2e-3, steps=2500, save_every=1)
+    result = rollout(system, system.initial_state(np.ones(len(cases))), step=1e-3, steps=4000, save_every=1)
     size = np.abs(result.raise_if_failed().path.state.offset)
-    growth = size[:, -500:].max(axis=1) / size[:, 1000:1500].max(axis=1)
-    assert np.all(growth[0::2] < 0.9) and np.all(growth[1::2] > 1.1)
+    growth = size[:, -800:].max(axis=1) / size[:, 1200:2000].max(axis=1)
+    assert np.all(growth[0::2] < 0.98) and np.all(growth[1::2] > 1.02)

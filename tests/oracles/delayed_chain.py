@@ -62,9 +62,7 @@ def run(x, delay, gains, drift, end, step, level=lambda t: 0.0, Tf=0.25):
         guess = [value + step * d for value, d in zip((x, state, ref), first)]
         past = left[k + 1 - m] if k + 1 > m else nothing
         _, second = rates(*guess, past, float(k + 1 > m), wave)
-        x, state, ref = (
-            value + step / 2 * (a + b) for value, a, b in zip((x, state, ref), first, second)
-        )
+        x, state, ref = (value + step / 2 * (a + b) for value, a, b in zip((x, state, ref), first, second))
         left.append(rates(x, state, ref, past, float(k + 1 > m), wave)[0])
         path.append(x[0])
     return np.array(path)

@@ -11,9 +11,9 @@ import numpy as np
 
 from absjax.lanes import repeated, taken
 from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.delayed_loop import in_unit
 from absjax.loop.growth import growth
 from absjax.loop.ideal import ideal_distance
-from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, Stop, stop
 from absjax.parameters import model, parameter, part
 from absjax.sensors.base import Sensor
@@ -74,6 +74,8 @@ class Batch:
     substeps: int = 1
     max_events: int = 800
     reference: str = "ideal"
+    delay: float | None = None
+    """between a controller that predicts and the brake, s"""
 
     @property
     def rows(self) -> int:
@@ -96,8 +98,11 @@ class Batch:
     def stops_of_lanes(self, own: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
         """The same of parameters (rows * sets,), each lane's own."""
         loop = loop_of_lanes(self.loop, own, self.rows)
-        system = SampledLoop(loop, self.sensor, tick_every=ticks, substeps=self.substeps) if ticks else loop
-        return stop(system, **self._how(own, step))
+        if not ticks:
+            return stop(loop, **self._how(own, step))
+        period = ticks * (step or self.step)
+        unit = in_unit(loop, self.sensor, self.delay, period, tick_every=ticks, substeps=self.substeps)
+        return stop(unit, **self._how(own, step))
 
     def growths(self, parameters: Mapping[str, Any]):
         """`absjax.loop.growth.growth` of every set on every row, switchings located, (rows, sets)."""
@@ -210,4 +215,5 @@ def batch_of(setup: Setup) -> Batch:
         substeps=setup.substeps(),
         max_events=config.max_events,
         reference=config.reference,
+        delay=config.delay,
     )

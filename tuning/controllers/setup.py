@@ -7,6 +7,7 @@ from typing import Any
 
 from absjax.controllers.base import Controller
 from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.delayed_loop import DelayedLoop, in_unit, nodes_of
 from absjax.loop.driver import Driver
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.observers.base import Observer
@@ -49,7 +50,7 @@ class Setup:
         """
         wheel, design = components.built("wheel", Wheel, config.wheel), config.design
         try:
-            brake = Brake(config.rate_limit, config.lag, config.delay)
+            brake = Brake(config.rate_limit, config.lag, None if config.predicts else config.delay)
             driver = Driver(config.pedal_rate, config.foot_delay, config.driver_pressure)
         except ValueError as error:
             raise ConfigError(str(error)) from None
@@ -60,7 +61,8 @@ class Setup:
         sensor = config.sensor_kind
         if sensor is not None:
             sensor = components.built("sensor_parameters", sensor, config.sensor_parameters)
-        initial = components.initial(config.kind, config.start)
+        known = {"delay": config.delay} if config.predicts and config.delay else {}
+        initial = components.initial(config.kind, {**known, **config.start})
         setup = cls(config, config.kind, wheel, brake, driver, observer, sensor, initial, step)
         setup.loop(setup.controller())
         return setup
@@ -81,7 +83,10 @@ class Setup:
         """The closed loop on a road or tyre curve; the pedal's pressure rate [bar/s] may carry lanes."""
         driver = self.driver if pedal_rate is None else dataclasses.replace(self.driver, rate=pedal_rate)
         stop_speed = self.config.stop_speed_kmh / 3.6
-        return ClosedLoop(self.plant(as_road(road)), self.brake, controller, stop_speed, self.observer, driver)
+        parts = self.plant(as_road(road)), self.brake, controller, stop_speed, self.observer, driver
+        if self.config.predicts:
+            return DelayedLoop(*parts, delay=self.config.delay, nodes=nodes_of(self.config.delay, self.step))
+        return ClosedLoop(*parts)
 
     def rig_loop(self, controller: Controller, road: Road, speed: Any) -> ClosedLoop:
         """The same on a rig at constant speed [m/s], where limit cycles are looked for."""
@@ -109,7 +114,8 @@ class Setup:
     ) -> tuple[SampledLoop, float]:
         """A loop under the clock of a control unit, with the configured sensor unless one is given; its grid step."""
         step, ticks = self.sampled_grid(period)
-        return SampledLoop(loop, sensor or self.sensor, tick_every=ticks, substeps=self.substeps(period)), step
+        how: dict[str, Any] = {"tick_every": ticks, "substeps": self.substeps(period)}
+        return in_unit(loop, sensor or self.sensor, self.config.delay, step * ticks, **how), step
 
     def box(self) -> Box:
         """The tuned parameters, their limits and their order.
