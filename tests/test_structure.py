@@ -19,6 +19,7 @@ FLOORS = (
     ("tuning.encoder",),
     ("tuning.sideslip",),
     ("tuning.controllers",),
+    ("tuning.delay",),
     ("tuning.cli", "tuning.__main__", "tuning"),
 )
 """From the ground up: a room imports from its own floor and those below."""

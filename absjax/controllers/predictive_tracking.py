@@ -1,7 +1,8 @@
 """Five phases with acceleration tracking on a brake with a delay, which a predictor makes up for.
 
-Phases, thresholds and the cubics that are followed are those of `absjax.controllers.tracking`; the law and the predictor
-those of `absjax.delay.prediction`, in phases 1, 3 and 4. alpha, beta1 and beta2 are the published ones of 10 ms.
+Phases, thresholds and the cubics that are followed are those of `absjax.controllers.tracking`; the law and the
+predictor, in phases 1, 3 and 4, those of `absjax.delay.prediction`. alpha, beta1 and beta2 are the published ones of
+10 ms.
 Source: Hoang 2014 (thesis), section 7.3.
 """
 

@@ -65,7 +65,7 @@ class History:
         return jnp.where(jnp.any(inside), self.time[oldest], LONG_AGO)
 
     def overdue(self, time, piece):
-        """By how much a reader at `time`, in `piece`, is beyond the beginning of the next piece, s; negative without one."""
+        """By how much a reader in `piece` is beyond the beginning of the next one, s; negative without one."""
         following = jnp.any(self.piece == piece + 1)
         return jnp.where(following, time - self.began(piece + 1), -1.0)
 

@@ -11,7 +11,7 @@ from absjax.parameters import concrete
 from absjax.results import UNDEFINED
 
 SMOOTH = 4
-"""Delays after which what began with a jump is smooth enough for the scheme: every delay makes it smoother by one rate."""
+"""Delays after which what began with a jump is smooth enough for the scheme: each makes it smoother by a rate."""
 
 
 class ReadsItsPast:

@@ -98,8 +98,8 @@ class Predictor:
         rates = [[jnp.zeros_like(x[0])] * n for _ in range(3)]
         for i in reversed(range(n)):
             change = [now - then for now, then in zip(errors[i], past.error[i])]
-            S, I = integrals[0, i], integrals[1, i]
-            predictions[i] = [errors[i][0] - self.alpha[i] * S - self.beta[i] * I]
+            sums = integrals[0, i], integrals[1, i]
+            predictions[i] = [errors[i][0] - self.alpha[i] * sums[0] - self.beta[i] * sums[1]]
             predictions[i] += [
                 errors[i][k] - self.alpha[i] * change[k - 1] - self.beta[i] * bias[i][k - 1] for k in range(1, n - i)
             ]

@@ -95,7 +95,7 @@ def _discretised(A, Bs, h):
     weights = np.where((k == 0) | (k == POINTS), 0.5, 1.0) * (-1.0) ** k
     D = np.outer(1 / weights, weights) / (x[:, None] - x[None, :] + np.eye(POINTS + 1))
     D = D - np.diag(D.sum(axis=1))
-    inner = jnp.kron(jnp.asarray(D[1:]) * (2 / (m * h)), jnp.eye(n))
+    inner = jnp.asarray(np.kron(D[1:], np.eye(n))) * (2 / (m * h))
     first = jnp.concatenate([A, jnp.zeros((n, n * POINTS))], axis=1)
     for i in range(m):
         first = first + jnp.kron(jnp.asarray(_at(1 - 2 * (i + 1) / m, x, weights)), Bs[i])

@@ -77,22 +77,20 @@ class DelayedLoop(ClosedLoop):
         """The loop without the delay."""
         return ClosedLoop(self.plant, self.brake, self.controller, self.stop_speed, self.observer, self.driver)
 
-    def in_unit(
-        self,
-        ticks: int,
-        sensor: Sensor | None = None,
-        *,
-        known: int | None = None,
-        tick_every: int = 1,
-        substeps: int = 1,
-    ) -> SampledLoop:
-        """The loop in a control unit, in which the delay is so many ticks; `known`: as a controller that predicts knows
-        it, None: as it is."""
+    def in_unit(self, ticks: int, sensor: Sensor | None = None, *, known: int | None = None, **how: int) -> SampledLoop:
+        """The loop in a control unit.
+
+        Args:
+            ticks: of the delay.
+            sensor: of the unit.
+            known: ticks of the delay as a controller that predicts knows it; None: as it is.
+            how: `tick_every` and `substeps` of `absjax.loop.sampled_loop.SampledLoop`.
+        """
         loop = self.undelayed()
         if self.predicting:
             controller = self.controller.in_unit(ticks if known is None else known)  # pyright: ignore
             loop = dataclasses.replace(loop, controller=controller)
-        return SampledLoop(loop, sensor, tick_every=tick_every, delay=ticks, substeps=substeps)
+        return SampledLoop(loop, sensor, delay=ticks, **how)
 
     def initial_state(self, speed) -> DelayedState:
         """State of free rolling at `speed` [m/s], the first command on its way for ever."""
@@ -190,7 +188,7 @@ def nodes_of(delay: float, step: float) -> int:
     return math.ceil(delay / step) + 22
 
 
-def in_unit(loop: ClosedLoop, sensor: Sensor | None, delay: float | None, period: float, **how: Any) -> SampledLoop:
+def in_unit(loop: ClosedLoop, sensor: Sensor | None, delay: float | None, period: float, **how: int) -> SampledLoop:
     """A loop in a control unit that ticks every `period` [s]; a delayed one with its delay, as whole ticks."""
     if not isinstance(loop, DelayedLoop) or delay is None:
         return SampledLoop(loop, sensor, **how)

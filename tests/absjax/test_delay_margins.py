@@ -48,10 +48,8 @@ def random_loops(count=40):
     rng = np.random.default_rng(3)
     v = rng.uniform(8, 60, count)
     zd = 10 ** rng.uniform(-2, 0, count)
-    return np.stack(
-        [v * rng.uniform(20, 150, count), v, rng.uniform(-400, 3000, count), v / R, zd * rng.uniform(0, 2, count), zd],
-        1,
-    )
+    zn, theta, gain = zd * rng.uniform(0, 2, count), rng.uniform(-400, 3000, count), rng.uniform(20, 150, count)
+    return np.stack([v * gain, v, theta, v / R, zn, zd], axis=1)
 
 
 def test_all_crossovers_against_the_magnitude_on_a_grid():
@@ -65,9 +63,8 @@ def test_all_crossovers_against_the_magnitude_on_a_grid():
         crossovers = np.sort([float(c[i]) for c in found.crossovers])
         np.testing.assert_allclose(crossovers[: len(at)], w[at], rtol=1e-4)
         assert np.all(np.isinf(crossovers[len(at) :]))
-        poles = np.roots(
-            np.polyadd(np.polymul([v, theta], [1, 2 * zd * wn, wn**2]), K * np.array([1, 2 * zn * wn, wn**2]))
-        )
+        filtered_loop = [1, 2 * zd * wn, wn**2], [1, 2 * zn * wn, wn**2]
+        poles = np.roots(np.polyadd(np.polymul([v, theta], filtered_loop[0]), K * np.array(filtered_loop[1])))
         assert found.stable[i] == (poles.real.max() < 0)
 
 

@@ -9,13 +9,13 @@ import numpy as np
 def _law(x, past, state, ref, gains, drift, defined):
     """u, what is kept, and the rates of S, I, T."""
     alpha, beta = gains
-    n, (S, I, T) = len(x), state
+    n, (S, J, T) = len(x), state
     targets, errors, predicted, _ = past
     e = x - targets[:n]
     p = defined * (predicted - e)
     P = np.zeros(n)
     for i in reversed(range(n)):
-        P[i] = e[i] - alpha[i] * S[i] - beta[i] * I[i] + (T[i] if i < n - 1 else 0.0)
+        P[i] = e[i] - alpha[i] * S[i] - beta[i] * J[i] + (T[i] if i < n - 1 else 0.0)
     dT = np.append(P[1:] - predicted[1:], 0.0)
     # Targets x_i*, then the rates that are needed h later: x_1*', x_1*'', x_2*'.
     star = np.zeros(n)

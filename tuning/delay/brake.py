@@ -90,7 +90,9 @@ def car_of(case: Case) -> QuarterCar:
 def loop_of(case: Case, observer: Any = None) -> DelayedLoop:
     """The loop of a stop."""
     brake, driver = Brake(rate_limit=750.0), Driver(rate=400.0, largest=150.0)
-    return DelayedLoop(car_of(case), brake, controller_of(case), STOP_SPEED, observer, driver, delay=case.delay, nodes=NODES)
+    return DelayedLoop(
+        car_of(case), brake, controller_of(case), STOP_SPEED, observer, driver, delay=case.delay, nodes=NODES
+    )
 
 
 def undelayed_loop(case: Case) -> ClosedLoop:
@@ -125,7 +127,11 @@ class Stops(NamedTuple):
             "cycles": int(self.cycles[i]),
             "longest cycle [s]": round(float(self.longest_cycle[i]), 2),
             "longest lock [s]": round(float(self.lock[i]), 3),
-            "cycling": "yes" if self.cycling[i] else Outcome(int(self.outcome[i])).name if self.outcome[i] else "sticks",
+            "cycling": "yes"
+            if self.cycling[i]
+            else Outcome(int(self.outcome[i])).name
+            if self.outcome[i]
+            else "sticks",
         }
 
 
@@ -197,8 +203,6 @@ def table_roads(roads: Sequence[str], speeds: Sequence[float], **of: Any) -> lis
 def tuned_parameters() -> dict[str, dict[str, float]]:
     """Of the shipped sets, by the name of the law."""
     return shipped("delay_gains.json")
-
-
 
 
 def taken(found: Stops, part: slice) -> Stops:

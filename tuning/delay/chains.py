@@ -138,7 +138,9 @@ def limit_rows(delays: np.ndarray, curves: dict[str, np.ndarray]) -> list[dict[s
     rows = []
     for name, root in curves.items():
         at = np.flatnonzero(root >= 0)
-        rows.append({"pendulum": name, "stable to [ms]": round(1e3 * float(delays[at[0]] if at.size else delays[-1]), 1)})
+        rows.append(
+            {"pendulum": name, "stable to [ms]": round(1e3 * float(delays[at[0]] if at.size else delays[-1]), 1)}
+        )
     return rows
 
 
@@ -169,7 +171,9 @@ def _largest_stable(of_alpha: bool) -> float:
     def root(gain):
         if of_alpha:
             return integrator_root(gain, DELAY)
-        worst = [predictor_root(PENDULUM.chain, at, fixed, jnp.full(2, gain), DELAY) for at in ([0.0, 0.0], [np.pi, 0.0])]
+        worst = [
+            predictor_root(PENDULUM.chain, at, fixed, jnp.full(2, gain), DELAY) for at in ([0.0, 0.0], [np.pi, 0.0])
+        ]
         return jnp.maximum(*worst)
 
     low, high = 1.0, 200.0

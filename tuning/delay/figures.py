@@ -76,7 +76,11 @@ def tracking_figure(traces: Sequence[Trace], window: tuple[float, float]):
     for axes, trace in zip(grid, traces):
         axes.plot(trace.time, trace.offset, "k", lw=1.0, label="z1")
         axes.plot(trace.time, np.where(trace.tracked, trace.target, np.nan), "r", lw=1.2, label="z1*(t - h)")
-        axes.set(ylabel="z1 [m/s²]", title=f"{trace.label}: off by {trace.rms:.1f} m/s² (rms) where it follows", ylim=(-90, 90))
+        axes.set(
+            ylabel="z1 [m/s²]",
+            title=f"{trace.label}: off by {trace.rms:.1f} m/s² (rms) where it follows",
+            ylim=(-90, 90),
+        )
         axes.legend(fontsize="small", loc="upper right")
     grid[-1].set(xlabel="time [s]", xlim=window)
     return figure
@@ -129,8 +133,12 @@ def sweep_figure(rows: Sequence[Mapping[str, Any]], undelayed: float):
         h, d = (np.array([row[key] for row in own]) for key in ("delay [ms]", "distance [m]"))
         cycling = np.array([row["cycling"] == "yes" for row in own])
         axes.plot(h, np.where(cycling, d, np.nan), "o-", color=f"C{i}", ms=4, label=law)
-        axes.plot(h[~cycling], d[~cycling], "x", color=f"C{i}", label=f"{law}, does not cycle" if not cycling.all() else None)
+        axes.plot(
+            h[~cycling], d[~cycling], "x", color=f"C{i}", label=f"{law}, does not cycle" if not cycling.all() else None
+        )
     axes.axhline(undelayed, color="k", ls=":", label="without delay")
-    axes.set(xlabel="delay [ms]", ylabel="distance to 10 km/h [m]", title="dry asphalt from 120 km/h, gains by the delay")
+    axes.set(
+        xlabel="delay [ms]", ylabel="distance to 10 km/h [m]", title="dry asphalt from 120 km/h, gains by the delay"
+    )
     axes.legend(fontsize="small")
     return figure

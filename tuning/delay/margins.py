@@ -37,9 +37,9 @@ _margins = jax.jit(jax.vmap(lambda p: delay_margin(*p)))
 
 
 def gain_of(slope: Slope, speeds: np.ndarray) -> np.ndarray:
-    """K (speeds,) as published: 62.83 v, 88.63 v, or what gives 25 ms at each speed; NaN-free, 0 where none does."""
+    """K (speeds,) as published: 63 v, 88.63 v, or what gives 25 ms at each speed; NaN-free, 0 where none does."""
     if slope.theta == 0:
-        return np.pi / 2 / WANTED * speeds
+        return 63.0 * speeds
     if slope.theta > 0:
         return 88.63 * speeds
     return np.array([_gain_for(v, slope.theta) for v in speeds])
@@ -137,7 +137,9 @@ def simulated_rows(speeds: tuple[float, ...] = (10.0, 20.0, 50.0)) -> list[dict[
 def growth_of(loop: AccelerationLoop) -> np.ndarray:
     """Factor by which the oscillation of lanes grows in a second, after the first half of a run."""
     steps, lanes = round(DURATION / STEP), len(np.asarray(loop.speed))
-    path = rollout(loop, loop.initial_state(np.ones(lanes)), step=STEP, steps=steps, save_every=1).raise_if_failed().path
+    path = (
+        rollout(loop, loop.initial_state(np.ones(lanes)), step=STEP, steps=steps, save_every=1).raise_if_failed().path
+    )
     size, part = np.abs(np.asarray(path.state.offset)), steps // 4
     early, late = size[:, steps // 2 : steps // 2 + part].max(axis=1), size[:, -part:].max(axis=1)
     return (late / early) ** (1 / (part * STEP))
