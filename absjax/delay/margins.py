@@ -29,14 +29,14 @@ class DelayMargin(NamedTuple):
 
     Attributes:
         margin: s; infinite where no delay makes the loop unstable, 0 where it is so without any.
-        crossovers: w of the gain crossovers, rad/s, three; infinite where there is none.
-        delays: at which the loop has a pole at each of them, s; infinite likewise.
+        crossovers: w of the gain crossovers, rad/s, (3,); infinite where there is none.
+        delays: at which the loop has a pole at each of them, s, (3,); infinite likewise.
         stable: whether the loop is stable without delay.
     """
 
     margin: jax.Array
-    crossovers: tuple[jax.Array, jax.Array, jax.Array]
-    delays: tuple[jax.Array, jax.Array, jax.Array]
+    crossovers: jax.Array
+    delays: jax.Array
     stable: jax.Array
 
 
@@ -56,65 +56,54 @@ def delay_margin(gain, speed, theta, notch: Any = 1.0, zn: Any = 1.0, zd: Any = 
     p, q, r = v * wn, 4 * zd**2 - 2, 4 * zn**2 - 2
     # (p^2 X + theta^2) (X^2 + q X + 1) - K^2 (X^2 + r X + 1), divided by p^2.
     t, k = (theta / p) ** 2, (K / p) ** 2
-    cubic = (jnp.ones_like(t), q + t - k, 1 + t * q - k * r, t - k)
-    crossovers, delays = zip(*(_crossing(X, real, K, v, theta, wn, zn, zd) for X, real in _roots(cubic)))
-    stable = _stable(K, v, theta, wn, zn, zd)
-    least = jnp.minimum(jnp.minimum(delays[0], delays[1]), delays[2])
-    return DelayMargin(jnp.where(stable, least, 0.0), crossovers, delays, stable)
-
-
-def _crossing(X, real, K, v, theta, wn, zn, zd):
-    """Crossover and delay of a root of the cubic."""
+    X, real = _roots((q + t - k, 1 + t * q - k * r, t - k))
     crosses = real & (X > 0)
     X = jnp.where(crosses, X, 1.0)
     y = jnp.sqrt(X)
-    angle = jnp.arctan2(2 * zn * y, 1 - X) - jnp.arctan2(2 * zd * y, 1 - X) - jnp.arctan2(v * wn * y, theta)
-    lead = jnp.mod(math.pi + angle, 2 * math.pi)
-    return jnp.where(crosses, wn * y, jnp.inf), jnp.where(crosses, lead / (wn * y), jnp.inf)
+    angle = jnp.arctan2(2 * zn * y, 1 - X) - jnp.arctan2(2 * zd * y, 1 - X) - jnp.arctan2(p * y, theta)
+    crossovers = jnp.where(crosses, wn * y, jnp.inf)
+    delays = jnp.where(crosses, jnp.mod(math.pi + angle, 2 * math.pi) / (wn * y), jnp.inf)
+    stable = _stable(K, v, theta, wn, zn, zd)
+    return DelayMargin(jnp.where(stable, jnp.min(delays), 0.0), crossovers, delays, stable)
 
 
 def _roots(cubic):
-    """The three roots of X^3 + b X^2 + c X + d, and whether they are real; of a pair that is not, its real part.
+    """The three roots (3,) of X^3 + b X^2 + c X + d, and whether they are real; of a pair that is not, its real part.
 
     Trigonometric form for three real ones, hyperbolic for one; the derivative is the implicit one.
     """
-    fixed = tuple(map(lax.stop_gradient, cubic))
-    _, b, c, d = fixed
-    shift, p, q = -b / 3, c - b * b / 3, 2 * b**3 / 27 - b * c / 3 + d
-    discriminant = -(4 * p**3 + 27 * q * q)
-    three = (discriminant >= 0) & (p < 0)
+    b, c, d = fixed = tuple(map(lax.stop_gradient, cubic))
+    p, q = c - b * b / 3, 2 * b**3 / 27 - b * c / 3 + d
+    three = (4 * p**3 + 27 * q * q <= 0) & (p < 0)
     m = 2 * jnp.sqrt(jnp.where(three, -p, 3.0) / 3)
-    cosine = jnp.clip(safe_divide(3 * q, p * m, three), -1.0, 1.0)
-    turned = jnp.arccos(cosine) / 3
+    turned = jnp.arccos(jnp.clip(safe_divide(3 * q, p * m, three), -1.0, 1.0)) / 3
     half = 0.5 * q
     root = jnp.sqrt(jnp.maximum(half**2 + p**3 / 27, 0.0))
     # The summand that does not cancel; the other follows from the product of both.
     large = jnp.cbrt(-half - jnp.where(half < 0, -root, root))
     single = large - safe_divide(p, 3 * large, large != 0)
-    found = []
-    for i in range(3):
-        X = shift + jnp.where(three, m * jnp.cos(turned - 2 * math.pi * i / 3), single if i == 0 else -0.5 * single)
-        real = three if i else jnp.ones_like(three)
-        for _ in range(POLISHING):
-            X = X - jnp.where(real, _newton(fixed, X), 0.0)
+    first = jnp.arange(3) == 0
+    cosines = m * jnp.cos(turned - 2 * math.pi / 3 * jnp.arange(3))
+    X = jnp.where(three, cosines, jnp.where(first, single, -0.5 * single)) - b / 3
+    real = three | first
+
+    def newton(_, X):
         slope = _slope(fixed, X)
-        found.append((X - safe_divide(_value(cubic, X), slope, real & (slope != 0)), real))
-    return found
+        return X - safe_divide(_value(fixed, X), slope, real & (slope != 0))
+
+    X = lax.stop_gradient(lax.fori_loop(0, POLISHING, newton, X))
+    slope = _slope(fixed, X)
+    return X - safe_divide(_value(cubic, X), slope, real & (slope != 0)), real
 
 
 def _value(cubic, X):
-    a, b, c, d = cubic
-    return ((a * X + b) * X + c) * X + d
+    b, c, d = cubic
+    return ((X + b) * X + c) * X + d
 
 
 def _slope(cubic, X):
-    a, b, c, _ = cubic
-    return (3 * a * X + 2 * b) * X + c
-
-
-def _newton(cubic, X):
-    slope = _slope(cubic, X)
-    return safe_divide(_value(cubic, X), slope, slope != 0)
+    b, c, _ = cubic
+    return (3 * X + 2 * b) * X + c
 
 
 def _stable(K, v, theta, wn, zn, zd):

@@ -27,7 +27,9 @@ def test_what_a_predicting_controller_cannot_have_is_refused():
             TuningConfig.from_json({"controller": "predictive_tracking", **entry})
 
 
-@pytest.mark.parametrize("problem", [PredictorGains(), LoopGains(GainSearch(least_margin=0.025))], ids=["root", "margin"])
+@pytest.mark.parametrize(
+    "problem", [PredictorGains(), LoopGains(GainSearch(least_margin=0.025))], ids=["root", "margin"]
+)
 def test_gradients_of_the_gains_against_differences(problem):
     point, move = problem.given + 0.1, 1e-5
     slope = np.asarray(problem.costs_and_gradients(point, None)[1])[0]

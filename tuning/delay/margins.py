@@ -47,7 +47,7 @@ def gain_of(slope: Slope, speeds: np.ndarray) -> np.ndarray:
 
 def _gain_for(speed: float, theta: float) -> float:
     """The largest K with the wanted margin; 0 without one."""
-    gains = np.geomspace(-theta * 1.0001, 200 * speed - theta, 400)
+    gains = np.geomspace(-theta * 1.0001, 200 * speed - theta, 4000)
     cases = np.stack(np.broadcast_arrays(gains, speed, theta, 1.0, 1.0, 1.0), axis=1)
     good = np.flatnonzero(np.asarray(_margins(cases).margin) >= WANTED)
     return float(gains[good[-1]]) if good.size else 0.0
@@ -101,7 +101,7 @@ def published_rows() -> list[dict[str, Any]]:
 
 
 def _finite(found, i: int) -> str:
-    w = [float(c[i]) for c in found.crossovers if np.isfinite(c[i])]
+    w = [float(c) for c in found.crossovers[i] if np.isfinite(c)]
     return ", ".join(f"{x:.2f}" for x in sorted(w)) or "none"
 
 
