@@ -20,6 +20,7 @@ FLOORS = (
     ("tuning.sideslip",),
     ("tuning.speed",),
     ("tuning.controllers",),
+    ("tuning.delay",),
     ("tuning.cli", "tuning.__main__", "tuning"),
 )
 """From the ground up: a room imports from its own floor and those below."""

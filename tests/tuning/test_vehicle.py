@@ -56,7 +56,7 @@ def test_a_vehicle_makes_the_loop_of_a_batch_with_sets_of_its_axles():
     np.testing.assert_array_equal(front.eps1, own["front.eps1"])
     np.testing.assert_array_equal(rear.eps1, own["rear.eps1"])
     assert lanes.vehicle.roads[0].tyre.c1.shape == (4,)
-    unit = in_control_unit(lanes, 1, 1, None, batch.estimator, batch.accelerometer)
+    unit = in_control_unit(lanes, 1, 1, 1e-3, None, batch.estimator, batch.accelerometer)
     assert unit.speed is batch.estimator and unit.accelerometer.bias == 0.5
     assert np.all(np.isfinite(batch.ideal)) and batch.ideal[1] > 2 * batch.ideal[0]
 
