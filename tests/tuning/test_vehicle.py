@@ -13,8 +13,8 @@ from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import in_control_unit, loop_of_lanes
 from tuning.controllers.setup import Setup
 from tuning.core.config import ConfigError
-from tuning.vehicle.cars import car_entry, shipped_cars
-from tuning.vehicle.entry import WIRINGS, VehicleEntry, of_axle
+from tuning.cars.car import car_entry, shipped_cars
+from tuning.cars.entry import WIRINGS, VehicleEntry, of_axle
 from tuning.vehicle.scenario import BLEND, CHANGES, Ride, figures_of
 
 OWN = {

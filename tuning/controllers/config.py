@@ -15,6 +15,7 @@ from absjax.plant import PLANTS
 from absjax.plant.base import Plant
 from absjax.sensors import SENSORS
 from absjax.sensors.base import Sensor
+from tuning.cars.entry import VehicleEntry
 from tuning.controllers.legacy import updated
 from tuning.controllers.published import ROADS, SPEEDS_KMH
 from tuning.core.components import component
@@ -32,7 +33,6 @@ from tuning.core.config import (
 from tuning.core.fit import SearchConfig
 from tuning.core.objective import Name
 from tuning.core.roads import RoadEntry, changes_along, speeds_of
-from tuning.vehicle.entry import VehicleEntry
 
 FASTEST_KMH = 500.0
 Speeds = Annotated[tuple[Positive, ...], Field(min_length=1, max_length=LONGEST)]
@@ -56,7 +56,7 @@ class TuningConfig(SearchConfig):
         speeds_kmh: initial speeds [km/h].
         plant: what is braked, in `absjax.plant.PLANTS`, or as above; plant_parameters: its further fields.
         wheel: fields of `absjax.plant.wheel.Wheel`.
-        vehicle: a whole vehicle instead of plant and wheel, see `tuning.vehicle.entry.VehicleEntry`. With sets of their
+        vehicle: a whole vehicle instead of plant and wheel, see `tuning.cars.entry.VehicleEntry`. With sets of their
             own the parameters are called front.eps0, rear.eps0 and so on. Its limit cycles are not looked for.
         sensor: what the sampled control unit measures with, in `absjax.sensors.SENSORS`, or as above; None measures
             without error. sensor_parameters: its fields.

@@ -16,7 +16,7 @@ from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.sensors.base import Sensor
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
-from tuning.vehicle.entry import of_axle
+from tuning.cars.entry import of_axle
 
 Loop = TypeVar("Loop", bound=ClosedLoop | VehicleLoop)
 CARRIERS = "plant", "vehicle", "driver"

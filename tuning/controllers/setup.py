@@ -20,13 +20,13 @@ from absjax.plant.test_rig import TestRig
 from absjax.plant.wheel import Wheel
 from absjax.sensors.base import Sensor
 from absjax.tyres.surfaces import SURFACES
+from tuning.cars.entry import of_axle
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import in_control_unit
 from tuning.core import components
 from tuning.core.box import Box, box_of, joined
 from tuning.core.config import ConfigError
 from tuning.core.roads import tyres_by_name
-from tuning.vehicle.entry import of_axle
 
 
 @dataclasses.dataclass(frozen=True)
