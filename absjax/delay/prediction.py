@@ -74,9 +74,10 @@ class Predicting:
 
     if TYPE_CHECKING:
         wheel: ClassVar[Any]
-        target: ClassVar[Any]
-        pull: ClassVar[Any]
-        follows: ClassVar[Any]
+
+        def target(self, time, state, phase) -> tuple[Any, Any]: ...  # noqa: D102
+        def pull(self, signals: Signals) -> Any: ...  # noqa: D102
+        def follows(self, phase) -> Any: ...  # noqa: D102
 
     def in_unit(self, ticks: int) -> Any:
         """The controller for a control unit in which the delay it knows is so many ticks."""

@@ -76,7 +76,8 @@ def controller_of(case: Case) -> Any:
     if case.two_phase:
         beta: dict[str, Any] = {k: v for k, v in published_gains(known).items() if k != "gain"}
         return PredictiveTwoPhase(delay=known, trust=case.trust, **(beta | road))
-    return PredictiveTracking(delay=known, trust=case.trust, **(published_gains(known) | road))
+    gains: dict[str, Any] = {**published_gains(known), **road}
+    return PredictiveTracking(delay=known, trust=case.trust, **gains)
 
 
 def car_of(case: Case) -> QuarterCar:
