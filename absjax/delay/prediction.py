@@ -75,9 +75,9 @@ class Predicting:
     if TYPE_CHECKING:
         wheel: ClassVar[Any]
 
-        def target(self, time, state, phase) -> tuple[Any, Any]: ...  # noqa: D102
-        def pull(self, signals: Signals) -> Any: ...  # noqa: D102
-        def follows(self, phase) -> Any: ...  # noqa: D102
+        def target(self, time, state, phase) -> tuple[Any, Any]: ...
+        def pull(self, signals: Signals) -> Any: ...
+        def follows(self, phase) -> Any: ...
 
     def in_unit(self, ticks: int) -> Any:
         """The controller for a control unit in which the delay it knows is so many ticks."""
