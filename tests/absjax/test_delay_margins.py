@@ -86,7 +86,7 @@ def test_gradients_against_differences():
     for k in range(6):
         change = move * (np.abs(loops[:, k]) + 1e-3)[:, None] * np.eye(6)[k]
         ahead, behind = margin_of(loops + change).margin, margin_of(loops - change).margin
-        differences = (ahead - behind)[finite] / (2 * change[finite, k])
+        differences = (ahead[finite] - behind[finite]) / (2 * change[finite, k])
         np.testing.assert_allclose(slopes[finite, k], differences, rtol=2e-5, atol=1e-9)
 
 
