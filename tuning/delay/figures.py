@@ -55,10 +55,10 @@ def margin_figure(speeds: np.ndarray, curves: Mapping[str, Mapping[str, np.ndarr
     return figure
 
 
-def nyquist_figure(plots: Mapping[str, np.ndarray]):
+def nyquist_figure(plots: Mapping[str, Any]):
     """G(j w) with the unit circle (Hoang 2014, Fig. 8.5 and 8.6)."""
     figure, axes = plt.subplots(1, len(plots), figsize=(10, 4.6), layout="constrained")
-    circle = np.exp(1j * np.linspace(0, 2 * np.pi, 200))
+    circle: Any = np.exp(1j * np.linspace(0, 2 * np.pi, 200))
     for panel, (name, G) in zip(np.atleast_1d(axes), plots.items()):
         panel.plot(circle.real, circle.imag, "k:", lw=0.9, label="unit circle")
         panel.plot(G.real, G.imag, "C0", label="G(jω), ω > 0")

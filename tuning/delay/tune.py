@@ -18,7 +18,7 @@ from tuning.core.box import Box
 from tuning.core.config import Count, Positive, Whole, config
 from tuning.core.fit import Fitted, SearchConfig, fit
 from tuning.core.problem import Problem
-from tuning.delay.chains import DELAY, PENDULUM
+from tuning.delay.chains import DELAY, EQUILIBRIA, PENDULUM
 from tuning.delay.margins import RATIO, SLOPES
 
 BREACH = 30.0
@@ -76,8 +76,8 @@ class PredictorGains(_Smooth):
         """h times the root of the worse equilibrium."""
         values = self.box.values(point)
         alpha, beta = (jnp.stack([values[name]] * 2) for name in ("alpha", "beta"))
-        roots = [predictor_root(PENDULUM.chain, at, alpha, beta, DELAY) for at in ([0.0, 0.0], [np.pi, 0.0])]
-        return DELAY * jnp.maximum(*roots)
+        roots = jax.vmap(lambda at: predictor_root(PENDULUM.chain, at, alpha, beta, DELAY))(jnp.array(EQUILIBRIA))
+        return DELAY * jnp.max(roots)
 
 
 class LoopGains(_Smooth):
