@@ -47,10 +47,6 @@ class MagicFormula:
         inner = 1 - self.curvature_factor + self.curvature_factor / (1 + scaled**2)
         return self.peak_value * self.stiffness_factor * outer * inner
 
-    def lateral_friction(self, slip):
-        """mu across the wheel."""
-        return (self if self.lateral is None else self.lateral).friction(slip)
-
     def peak(self) -> Peak:
         """Peak by Newton's method; without one inside (0, 1) the end of the interval is the peak.
 

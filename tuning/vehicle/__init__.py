@@ -1,0 +1,1 @@
+"""Whole vehicles under anti-lock braking: studies and checks."""
