@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from absjax.controllers.five_phase import FivePhase
 from absjax.hybrid.rollout import rollout
-from absjax.hybrid.system import Smooth
+from absjax.hybrid.system import HybridSystem, Smooth
 from absjax.lanes import stacked
 from absjax.loop.channel import Channel
 from absjax.loop.driver import Driver
@@ -152,24 +152,48 @@ def test_without_switchings_against_scipy_lanes_and_single_precision():
     np.testing.assert_allclose(np.array(single.motion), y[:5], atol=2e-3)
 
 
-def test_gradient_through_a_select_low_stop_on_split_mu():
-    """By h, sigma, roll split and two thresholds; two channels, each the worse of two wheels."""
+@model
+class Relay(HybridSystem):
+    """One pressure for all wheels that falls when the front left wheel loses speed, and rises when it has gained."""
+
+    car: FourWheel = part("what is braked")
+    low: Any = parameter("x2 at which the pressure begins to fall, m/s^2")
+    high: Any = parameter("x2 at which it begins to rise, m/s^2")
+
+    def flow(self, time, state, mode):
+        car, pressure = state
+        return self.car.flow(time, car, (pressure,) * 4), jnp.where(mode == 0, 400.0, -600.0)
+
+    def guards(self, time, state, mode):
+        car, pressure = state
+        pressures = (pressure,) * 4
+        x2 = self.car.signals(time, car, self.car.flow(time, car, pressures), pressures)[0].acceleration_offset
+        return (jnp.where(mode == 0, self.low - x2, x2 - self.high),)
+
+    def jump(self, time, state, mode, slot):
+        return state, 1 - mode
+
+
+def test_gradient_through_switchings_on_split_mu():
+    """By h, sigma, roll split and both thresholds."""
 
     def how_it_ends(shift):
-        controller = FivePhase(eps1=CONTROLLER.eps1 + shift[3], eps4=CONTROLLER.eps4 + shift[4])
         vehicle = car(
             DRY, WET, height=0.55 + shift[0], relaxation=0.25 + shift[1], roll_split=0.55 + shift[2]
         )
-        select_low = loop(vehicle, 10.0, (Channel(Brake(), controller),) * 2, wiring=((0, 1), (2, 3)))
-        result = stop(select_low, 14.0 + 0.0 * shift[0], horizon=1.0, step=2 * STEP)
-        return result.distance + 10.0 * result.rollout.state.vehicle.motion.yaw_rate
+        relay = Relay(vehicle, -60.0 + shift[3], 30.0 + shift[4])
+        start = vehicle.initial_state(20.0 + 0.0 * shift[0])
+        result = rollout(relay, (start, 0.0 * shift[0]), step=2 * STEP, steps=300)
+        motion = result.state[0].motion
+        return motion.distance + motion.longitudinal + 10.0 * motion.yaw_rate, result.events
 
     h = np.array([1e-5, 1e-5, 1e-5, 1e-4, 1e-4])
     shifts = jnp.asarray(np.concatenate([np.diag(h), -np.diag(h)]).T)
-    values = np.asarray(how_it_ends(shifts))
+    values, events = jax.tree.map(np.asarray, how_it_ends(shifts))
     differences = (values[:5] - values[5:]) / (2 * h)
-    assert np.all(np.abs(differences) > 1e-5)
-    np.testing.assert_allclose(jax.jit(jax.grad(how_it_ends))(jnp.zeros(5)), differences, rtol=1e-4)
+    assert np.all(np.abs(differences) > 1e-5) and np.all(events > 6)
+    exact = jax.jit(jax.grad(lambda shift: how_it_ends(shift)[0]))(jnp.zeros(5))
+    np.testing.assert_allclose(exact, differences, rtol=1e-4)
 
 
 def states(car, count=200, seed=0):

@@ -1,1 +1,0 @@
-"""Whole vehicles under anti-lock braking: studies and checks."""
