@@ -8,6 +8,7 @@ import numpy as np
 from absjax.hybrid.rollout import Trajectory
 from absjax.loop.closed_loop import ClosedLoop, LoopState
 from absjax.loop.sampled_loop import loop_state
+from absjax.loop.vehicle_loop import VehicleLoop
 
 if TYPE_CHECKING:
     import matplotlib.axes
@@ -39,27 +40,36 @@ def _valid(state: LoopState, valid: np.ndarray) -> LoopState:
     return jax.tree.map(lambda leaf: np.asarray(leaf)[valid], state)
 
 
-def stop_panels(axes, loop: ClosedLoop, trajectory: Trajectory, label: str = "") -> None:
-    """Speeds, slip, pressure and phases of one lane against time, into four axes."""
+def stop_panels(axes, loop: ClosedLoop | VehicleLoop, trajectory: Trajectory, label: str = "") -> None:
+    """Speeds, slip, pressure and phases of one lane against time, into four axes; of a vehicle those of every wheel."""
     valid = np.asarray(trajectory.valid)
     path = jax.tree.map(lambda leaf: np.asarray(leaf)[valid], trajectory)
     state = loop_state(path.state)
-    signals = jax.vmap(loop.measured)(path.time, state, path.mode)
+    measured: Any = jax.vmap(loop.measured)(path.time, state, path.mode)
     speeds, slip, pressure, phase = axes
-    speeds.plot(path.time, signals.vehicle_speed, "k", label="vehicle")
-    speeds.plot(path.time, signals.radius * signals.wheel_speed, "C0", lw=0.8, label="wheel rim")
+    if isinstance(loop, VehicleLoop):
+        wheels, names, phases = measured, loop.vehicle.places, loop.phases(path.mode)
+        locked, controller, channels = np.any(loop.locked(path.mode), axis=0), loop.channels[0].controller, loop.names
+    else:
+        wheels, names, phases = (measured,), ("wheel rim",), (loop.phase(path.mode),)
+        locked, controller, channels = np.asarray(loop.locked(path.mode)), loop.controller, ("",)
+    speeds.plot(path.time, wheels[0].vehicle_speed, "k", label="vehicle")
     speeds.set(ylabel="speed [m/s]", title=label)
-    slip.plot(path.time, loop.plant.wheel.slip(signals.wheel_speed, signals.vehicle_speed), "C0", lw=0.8)
-    slip.set(ylabel="slip λ", ylim=(-1.02, 0.05))
     if state.pedal is not None:
         pressure.plot(path.time, state.pedal.level, "k:", lw=1, label="pedal")
-    pressure.plot(path.time, signals.pressure, "C3", lw=0.9, label="at the wheel")
+    for i, (signals, name) in enumerate(zip(wheels, names)):
+        rim, colour = signals.radius * signals.wheel_speed, f"C{i}"
+        speeds.plot(path.time, rim, colour, lw=0.8, label=name)
+        slip.plot(path.time, rim / signals.vehicle_speed - 1, colour, lw=0.8)
+        at_wheel = "at the wheel" if len(wheels) == 1 else name
+        pressure.plot(path.time, signals.pressure, "C3" if len(wheels) == 1 else colour, lw=0.9, label=at_wheel)
+    slip.set(ylabel="slip λ", ylim=(-1.02, 0.05))
     pressure.set(ylabel="pressure [bar]")
-    phase.step(path.time, loop.phase(path.mode), "C2", lw=0.8, where="post")
-    names = [f"{i} {name}" for i, name in enumerate(loop.controller.phases)]
-    phase.set_yticks(range(len(names)), names, fontsize=7)
+    for i, (of_channel, name) in enumerate(zip(phases, channels)):
+        phase.step(path.time, of_channel, f"C{i if len(channels) > 1 else 2}", lw=0.8, where="post", label=name)
+    numbered = [f"{i} {name}" for i, name in enumerate(controller.phases)]
+    phase.set_yticks(range(len(numbered)), numbered, fontsize=7)
     phase.set(xlabel="time [s]")
-    locked = np.asarray(loop.locked(path.mode))
     for panel in axes:
         panel.grid(alpha=0.3)
         panel.fill_between(path.time, 0, 1, where=locked, transform=panel.get_xaxis_transform(), color="C1", alpha=0.3)

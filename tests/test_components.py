@@ -21,6 +21,8 @@ from absjax.plant.base import Plant
 from absjax.plant.road import UniformRoad
 from absjax.plant.wheel import Wheel
 from absjax.signals import Signals
+from absjax.speed import SPEED_ESTIMATORS
+from absjax.speed.base import SpeedEstimator
 from absjax.tyres import TYRES
 from absjax.tyres.base import Tyre
 from absjax.tyres.surfaces import surface
@@ -69,6 +71,14 @@ def of_an_observer(design):
     return jnp.concatenate([jnp.ravel(jnp.asarray(x)) for x in jax.tree.leaves(found)])
 
 
+def of_a_speed_estimator(estimator):
+    state = estimator.initial_state(jnp.asarray(18.0))
+    for rims in ((17.9, 17.5), (17.6, 15.0)):
+        state = estimator.update(state, -6.0, rims, 0.01)
+    found = *jax.tree.leaves(state), estimator.speed_of(state), estimator.acceleration_of(state, -6.0)
+    return jnp.stack([jnp.asarray(x) for x in found])
+
+
 def of_a_plant(plant):
     state = plant.with_wheel_speed(plant.initial_state(jnp.asarray(18.0)), jnp.asarray(52.0))
     found = plant.flow(0.1, state, 60.0), plant.signals(0.1, state, 60.0)
@@ -110,6 +120,10 @@ TABLE = {
     **{f"plant {name}": plant(kind) for name, kind in PLANTS.items()},
     **{f"controller {name}": with_defaults(kind, Controller, of_a_controller) for name, kind in CONTROLLERS.items()},
     **{f"observer {name}": with_defaults(kind, Design, of_an_observer) for name, kind in OBSERVERS.items()},
+    **{
+        f"speed {name}": with_defaults(kind, SpeedEstimator, of_a_speed_estimator)
+        for name, kind in SPEED_ESTIMATORS.items()
+    },
 }
 every = pytest.mark.parametrize("component", TABLE.values(), ids=TABLE.keys())
 
@@ -119,7 +133,7 @@ def numbers(component, values):
 
 
 def test_every_registered_component_is_in_the_table():
-    assert len(TABLE) == sum(map(len, (TYRES, PLANTS, CONTROLLERS, OBSERVERS)))
+    assert len(TABLE) == sum(map(len, (TYRES, PLANTS, CONTROLLERS, OBSERVERS, SPEED_ESTIMATORS)))
 
 
 @every

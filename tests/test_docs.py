@@ -17,6 +17,7 @@ from tuning.encoder.config import EncoderConfig
 from tuning.logs import tables
 from tuning.observers.config import ObserverConfig
 from tuning.sideslip.config import SideSlipConfig
+from tuning.speed.config import SpeedConfig
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -28,6 +29,7 @@ CONFIGURATIONS: dict[str, type[Entries]] = {
     "observers.md": ObserverConfig,
     "encoder.md": EncoderConfig,
     "side-slip.md": SideSlipConfig,
+    "speed.md": SpeedConfig,
 }
 
 

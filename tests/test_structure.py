@@ -18,6 +18,7 @@ FLOORS = (
     ("tuning.observers",),
     ("tuning.encoder",),
     ("tuning.sideslip",),
+    ("tuning.speed",),
     ("tuning.controllers",),
     ("tuning.cli", "tuning.__main__", "tuning"),
 )
@@ -79,7 +80,7 @@ def test_no_circles():
 
 def test_the_models_need_jax_and_numpy_only():
     """SciPy comes with JAX."""
-    blocked = ["optax", "matplotlib", "pandas", "rich", "typer", "pydantic", "cmaes", "pint"]
+    blocked = ["optax", "matplotlib", "pandas", "rich", "typer", "pydantic", "cmaes", "pint", "jinja2"]
     modules = [module_of(path) for path in SOURCES if module_of(path).startswith("absjax")]
     code = f"import sys\nfor name in {blocked}: sys.modules[name] = None\nimport {', '.join(modules)}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)

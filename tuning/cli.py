@@ -1,4 +1,4 @@
-"""The command line: identify a road, tune anti-lock control, observers, the encoder chain and side-slip, study each."""
+"""The command line: identify a road; tune anti-lock control, observers, the encoder chain, side-slip and speed."""
 
 import contextlib
 import os
@@ -7,11 +7,14 @@ import sys
 import typer
 
 from tuning.controllers import command as controllers
+from tuning.core.call import ToldCommand
 from tuning.encoder import command as encoder
 from tuning.logs import command as logs
 from tuning.observers import command as observers
 from tuning.road import command as road
 from tuning.sideslip import command as sideslip
+from tuning.speed import command as speed
+from tuning.vehicle import command as vehicle
 
 # Without markup: help and errors show units and names in brackets as they are.
 app = typer.Typer(
@@ -35,11 +38,15 @@ COMMANDS = {
     "side-slip": sideslip.side_slip,
     "tune-side-slip": sideslip.tune_side_slip,
     "side-slip-study": sideslip.side_slip_study,
+    "speed-study": speed.speed_study,
+    "vehicle-study": vehicle.vehicle_study,
+    "split-mu": vehicle.split_mu,
+    "drive-log": vehicle.drive_log,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""
 for _name, _command in COMMANDS.items():
-    app.command(_name)(_command)
+    app.command(_name, cls=ToldCommand)(_command)
 
 
 @app.callback()

@@ -18,7 +18,7 @@ from absjax.loop import pressure_limits, wheel_lock
 from absjax.loop._modes import FREE, ON_PEDAL, Mode
 from absjax.loop._vehicle_modes import WIDEST, Layout, VehicleMode, decoded
 from absjax.loop.channel import Channel, ChannelState
-from absjax.loop.driver import HELD, NEVER, OFF, PRESSING, Driver, Pedal
+from absjax.loop.driver import NEVER, OFF, PRESSING, Driver, Pedal
 from absjax.loop.memory import Course, Cycles, Locks, Memory
 from absjax.observers.base import Observer
 from absjax.parameters import model, parameter, part
@@ -57,7 +57,7 @@ class VehicleLoopState(NamedTuple):
 class VehicleLoop:
     """A braked vehicle under anti-lock controllers, switchings located.
 
-    Mode: see `mode`; `FINISHED` after the vehicle has fallen to `stop_speed`, `UNDEFINED` if a controller has come to
+    Mode: see `parts`; `FINISHED` after the vehicle has fallen to `stop_speed`, `UNDEFINED` if a controller has come to
     where its law is not defined. A rollout from mode 0 begins with the pedal untouched.
 
     Raises:
@@ -105,6 +105,11 @@ class VehicleLoop:
         return tuple((i,) for i in range(len(self.channels))) if self.wiring is None else self.wiring
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """What the channels are called: by the wheels they command."""
+        return tuple(" and ".join(self.vehicle.places[i] for i in wheels) for wheels in self.wheels_of)
+
+    @property
     def _layout(self) -> Layout:
         return Layout(
             tuple((len(channel.controller.phases) - 1).bit_length() for channel in self.channels),
@@ -112,16 +117,21 @@ class VehicleLoop:
             len(self.vehicle.places),
         )
 
-    def _parts(self, mode) -> VehicleMode:
+    def parts(self, mode) -> VehicleMode:
+        """What channels, wheels and foot do in `mode`."""
         return decoded(mode, self._layout)
+
+    def mode(self, parts: VehicleMode):
+        """The mode of what they do."""
+        return parts.encoded(self._layout)
 
     def phases(self, mode) -> tuple[Any, ...]:
         """The phase of each channel in `mode`; an end is its own."""
-        return tuple(jnp.where(jnp.asarray(mode) < 0, mode, phase) for phase in self._parts(mode).phases)
+        return tuple(jnp.where(jnp.asarray(mode) < 0, mode, phase) for phase in self.parts(mode).phases)
 
     def locked(self, mode) -> tuple[Any, ...]:
         """Whether each wheel is locked in `mode`."""
-        return tuple((jnp.asarray(mode) >= 0) & (locked == 1) for locked in self._parts(mode).locked)
+        return tuple((jnp.asarray(mode) >= 0) & (locked == 1) for locked in self.parts(mode).locked)
 
     def initial_state(self, speed) -> VehicleLoopState:
         """State of free rolling at `speed` [m/s] with the brakes released."""
@@ -133,16 +143,14 @@ class VehicleLoop:
             tuple(Locks.blank(speed) for _ in self.vehicle.places),
         )
         brakes = tuple(ChannelState(channel.brake.initial_state(zero), None, ()) for channel in self.channels)
-        state = VehicleLoopState(
-            self.vehicle.initial_state(speed), brakes, self.driver.initial_state(speed), blank
-        )
+        state = VehicleLoopState(self.vehicle.initial_state(speed), brakes, self.driver.initial_state(speed), blank)
         return self.with_controllers(zero, state, 0)
 
     def with_controllers(self, time, state: VehicleLoopState, mode) -> VehicleLoopState:
         """The state with observers and controllers at their start."""
-        parts = self._parts(mode)
-        slope = self._free(time, state)
-        measured = self._of_channels(self._measured(time, state, slope, parts), parts)
+        parts = self.parts(mode)
+        slope = self.free(time, state)
+        measured = self.of_channels(self._measured(time, state, slope, parts), parts)
         begun = (c.begun(s, m) for c, s, m in zip(self.channels, state.channels, measured))
         return state._replace(channels=tuple(begun))
 
@@ -160,7 +168,7 @@ class VehicleLoop:
             at_wheel.update(dict.fromkeys(wheels, pressure))
         return tuple(at_wheel[i] for i in range(len(at_wheel)))
 
-    def _free(self, time, state: VehicleLoopState):
+    def free(self, time, state: VehicleLoopState):
         """d(state)/dt of the vehicle, its wheels free to turn."""
         return self.vehicle.flow(time, state.vehicle, self.pressures(state))
 
@@ -170,9 +178,7 @@ class VehicleLoop:
         measured = self.vehicle.signals(time, state.vehicle, slope, pressures)
         return tuple(
             signals._replace(
-                acceleration_offset=jnp.where(
-                    locked == 1, -signals.vehicle_acceleration, signals.acceleration_offset
-                ),
+                acceleration_offset=jnp.where(locked == 1, -signals.vehicle_acceleration, signals.acceleration_offset),
                 pedal=pedal,
             )
             for signals, locked in zip(measured, parts.locked)
@@ -180,9 +186,9 @@ class VehicleLoop:
 
     def measured(self, time, state: VehicleLoopState, mode) -> tuple[Signals, ...]:
         """What sensors without error see at each wheel."""
-        return self._measured(time, state, self._free(time, state), self._parts(mode))
+        return self._measured(time, state, self.free(time, state), self.parts(mode))
 
-    def _of_channels(self, measured: tuple[Signals, ...], parts: VehicleMode) -> tuple[Signals, ...]:
+    def of_channels(self, measured: tuple[Signals, ...], parts: VehicleMode) -> tuple[Signals, ...]:
         """Of each channel the signals it goes by."""
         return tuple(
             measured[wheels[0]]
@@ -193,7 +199,7 @@ class VehicleLoop:
 
     def told(self, measured: tuple[Signals, ...], state: VehicleLoopState, parts: VehicleMode) -> tuple[Signals, ...]:
         """What each controller is told of what is measured at the wheels: XBS as its observer estimates it."""
-        signals = self._of_channels(measured, parts)
+        signals = self.of_channels(measured, parts)
         return tuple(c.with_estimate(m, own) for c, m, own in zip(self.channels, signals, state.channels))
 
     def fitted_to_load(self, measured: tuple[Signals, ...], parts: VehicleMode) -> tuple[Channel, ...]:
@@ -218,7 +224,7 @@ class VehicleLoop:
         """d(state)/dt under given rates [bar/s], the observers held."""
         pedal_slope = self.driver.slope(parts.foot) + 0.0 * state.pedal.level
         granted = [
-            pressure_limits.granted(Mode(0, pressure), rate, pedal_slope)
+            pressure_limits.granted(Mode(pressure, pressure), rate, pedal_slope)
             for pressure, rate in zip(parts.pressures, rates)
         ]
         turning = tuple(map(wheel_lock.held, parts.locked, self.vehicle.wheel_speeds_of(slope)))
@@ -251,7 +257,7 @@ class VehicleLoop:
 
     def flow(self, time, state: VehicleLoopState, mode) -> VehicleLoopState:
         """d(state)/dt."""
-        parts, slope = self._parts(mode), self._free(time, state)
+        parts, slope = self.parts(mode), self.free(time, state)
         measured = self._measured(time, state, slope, parts)
         told, channels = self.told(measured, state, parts), self.fitted_to_load(measured, parts)
         driven = self.driven(state, parts, slope, self.commands(channels, told, state, parts))
@@ -272,7 +278,7 @@ class VehicleLoop:
         speeds = self.vehicle.wheel_speeds_of(state.vehicle)
         guards = list(map(wheel_lock.guard, parts.locked, speeds, self.vehicle.wheel_speeds_of(slope)))
         for own, pressure, rate in zip(state.channels, parts.pressures, rates):
-            does = Mode(0, pressure, 0, parts.foot)
+            does = Mode(pressure, pressure, 0, parts.foot)
             guards.append(pressure_limits.guard(self.driver, own.brake, state.pedal, does, rate))
         for wheels, chosen in self._choosing(parts):
             first, second = (speeds[i] for i in wheels)
@@ -291,7 +297,7 @@ class VehicleLoop:
 
     def guards(self, time, state: VehicleLoopState, mode):
         """The controllers' slots, channel by channel, then the limits."""
-        parts, slope = self._parts(mode), self._free(time, state)
+        parts, slope = self.parts(mode), self.free(time, state)
         measured = self._measured(time, state, slope, parts)
         told, channels = self.told(measured, state, parts), self.fitted_to_load(measured, parts)
         own = self.controller_guards(channels, told, state, parts)
@@ -300,8 +306,8 @@ class VehicleLoop:
 
     def jump(self, time, state: VehicleLoopState, mode, slot):
         """A controller switches, or one of the limits is met."""
-        parts = self._parts(mode)
-        told = self.told(self._measured(time, state, self._free(time, state), parts), state, parts)
+        parts = self.parts(mode)
+        told = self.told(self._measured(time, state, self.free(time, state), parts), state, parts)
         first = 0
         switched = []
         for channel in self.channels:
@@ -310,9 +316,7 @@ class VehicleLoop:
         after, following = self.switch(told, state, parts, switched, self._own_slots(slot))
         limited, other = self.meet_limit(time, state, parts, slot - first)
         own = slot < first
-        return tree_where(own, after, limited), jnp.where(
-            own, following.encoded(self._layout), other.encoded(self._layout)
-        )
+        return tree_where(own, after, limited), jnp.where(own, self.mode(following), self.mode(other))
 
     def _own_slots(self, slot):
         """For each channel the slot of its own controller."""
@@ -323,7 +327,7 @@ class VehicleLoop:
         return own
 
     def switch(self, told: tuple[Signals, ...], state: VehicleLoopState, parts: VehicleMode, fires, slots):
-        """State and mode after the guards `slots` of the channels that `fires` names have fired on what they are told."""
+        """State and mode after the guards `slots` of the channels that `fires` names have fired on what is `told`."""
         time = told[0].time
         speed, position = self.vehicle.speed_of(time, state.vehicle), self.vehicle.position(time, state.vehicle)
         owns, phases, pressures, memories = [], [], [], []
@@ -350,7 +354,7 @@ class VehicleLoop:
             locked.append(jnp.where(slot == i, follows, lock))
         first, owns, pressures = len(speeds), [], []
         for i, (own, pressure) in enumerate(zip(state.channels, parts.pressures)):
-            brake, does = pressure_limits.met(own.brake, state.pedal, Mode(0, pressure))
+            brake, does = pressure_limits.met(own.brake, state.pedal, Mode(pressure, pressure))
             met = slot == first + i
             owns.append(own._replace(brake=tree_where(met, brake, own.brake)))
             pressures.append(jnp.where(met, does.pressure, pressure))
@@ -387,9 +391,7 @@ class VehicleLoop:
             return moved, following
         # A lifted pedal is back at zero: control begins anew.
         released = (does == OFF) & (parts.foot != OFF)
-        empty = tuple(
-            own._replace(brake=own.brake._replace(commanded=pedal.level)) for own in moved.channels
-        )
+        empty = tuple(own._replace(brake=own.brake._replace(commanded=pedal.level)) for own in moved.channels)
         anew = self.with_controllers(time, moved._replace(channels=empty), 0)
         begins = following._replace(
             phases=tuple(0 * phase for phase in parts.phases),
@@ -409,7 +411,7 @@ class VehicleLoop:
         """What is known of the manoeuvre until now: of channels and wheels together the first switching, the fewest
         cycles, the longest cycle and the longest lock."""
         memory, going = state.memory, jnp.asarray(mode) >= 0
-        current = self._locks(time, state, self._parts(mode))
+        current = self._locks(time, state, self.parts(mode))
         locks = [tree_where(going, now, before) for now, before in zip(current, memory.locks)]
         cycling = [
             control.longest_until(time, memory.pedal_time)
@@ -421,14 +423,8 @@ class VehicleLoop:
         first = jnp.argmin(jnp.stack(onsets), axis=0)
         control = jax.tree.map(lambda *values: pick(first, values), *memory.control)
         control = control._replace(cycles=jnp.stack([own.cycles for own in memory.control]).min(axis=0))
-        worst = Locks(
-            sum(own.count for own in locks),
-            *(jnp.stack([getattr(own, name) for own in locks]).max(axis=0) for name in ("since", "speed")),
-            *(
-                tuple(jnp.stack([getattr(own, name)[k] for own in locks]).max(axis=0) for k in range(2))
-                for name in ("time", "longest")
-            ),
-        )
+        worst = jax.tree.map(lambda *values: jnp.stack(values).max(axis=0), *locks)
+        worst = worst._replace(count=sum(own.count for own in locks))
         speed, position = self.vehicle.speed_of(time, state.vehicle), self.vehicle.position(time, state.vehicle)
         return Course(speed, position, Memory(memory.pedal_time, memory.pedal_position, control, worst), longest)
 

@@ -109,9 +109,7 @@ class FourWheel:
     track_rear: Any = parameter("T behind, m", default=1.55, low=0.0, open_low=True)
     height: Any = parameter("h of the centre of gravity, m", default=0.55, low=0.0)
     roll_split: Any = parameter("share of the roll moment that the front axle takes", default=0.55, low=0.0, high=1.0)
-    relaxation: Any = parameter(
-        "sigma, relaxation length, m; None: none, not 0", default=0.25, low=0.0, open_low=True
-    )
+    relaxation: Any = parameter("sigma, relaxation length, m; None: none, not 0", default=0.25, low=0.0, open_low=True)
     steering: Steering = part("who steers", default=FixedSteering())
     ordered: ClassVar[tuple[tuple[str, str, float], ...]] = (("to_front", "wheelbase", 1e-3),)
 
@@ -224,8 +222,7 @@ class FourWheel:
         forward = safe_divide(b[0] * (1 - c[1][1]) + b[1] * c[0][1], determinant, solvable)
         leftward = safe_divide(b[1] * (1 - c[0][0]) + b[0] * c[1][0], determinant, solvable)
         return tuple(
-            load + along * forward + across * leftward
-            for load, (along, across) in zip(self._rest, self._transfers)
+            load + along * forward + across * leftward for load, (along, across) in zip(self._rest, self._transfers)
         )
 
     def loads(self, time, state: FourWheelState):
@@ -254,9 +251,7 @@ class FourWheel:
                 relaxing(self.relaxation, at.over_ground, wheel.radius * w - at.over_ground, slip)
                 for wheel, w, at, slip, _ in parts
             )
-            across = tuple(
-                relaxing(self.relaxation, at.over_ground, -at.sideways, slip) for _, _, at, _, slip in parts
-            )
+            across = tuple(relaxing(self.relaxation, at.over_ground, -at.sideways, slip) for _, _, at, _, slip in parts)
         body = PlanarMotion(
             sum(forward) / self.mass + motion.yaw_rate * motion.lateral,
             sum(leftward) / self.mass - motion.yaw_rate * motion.longitudinal,
@@ -273,9 +268,7 @@ class FourWheel:
         lateral, yaw_rate, yaw = (scale + 0.0 * state.motion.yaw for scale in SIDE_SCALES)
         slips = None if state.along is None else tuple(SLIP_SCALE + 0.0 * slip for slip in state.along)
         motion = nothing.motion._replace(lateral=lateral, yaw_rate=yaw_rate, yaw=yaw)
-        return nothing._replace(
-            motion=motion, along=slips, across=slips, steering=self.steering.scales(state.steering)
-        )
+        return nothing._replace(motion=motion, along=slips, across=slips, steering=self.steering.scales(state.steering))
 
     def speed_of(self, time, state: FourWheelState):
         """vx [m/s]."""
@@ -320,6 +313,5 @@ class FourWheel:
     def known_loads(self, longitudinal, lateral):
         """Fz_i = W_i -+ (m h / 2 L) ax -+ p (m h / T) ay."""
         return tuple(
-            rest + along * longitudinal + across * lateral
-            for rest, (along, across) in zip(self._rest, self._transfers)
+            rest + along * longitudinal + across * lateral for rest, (along, across) in zip(self._rest, self._transfers)
         )

@@ -18,6 +18,11 @@ class OneWheel:
     plant: Plant = part("what is braked")
 
     @property
+    def mass(self):
+        """That the wheel carries [kg]."""
+        return self.plant.wheel.mass
+
+    @property
     def wheels(self):
         """The wheel."""
         return (self.plant.wheel,)

@@ -5,8 +5,8 @@
     Iy q'' = -h sum Fx_i - sum x_i S_i,    Fz_i = max(W_i + S_i, 0)
     sigma l_i' = (R w_i - v) - |v| l_i,    J w_i' = -R Fx_i - gamma_b Pb_i
 
-z up and q nose down, from where the car is at rest; x_i the place of an axle ahead of the centre of gravity; W_f = m g b
-/ L. Without suspension the load follows the deceleration at once, Fz_f = W_f - (m h / L) v', which is linear in Fx;
+z up and q nose down, from where the car is at rest; x_i the place of an axle ahead of the centre of gravity; W_f =
+m g b / L. Without suspension the load follows the deceleration at once, Fz_f = W_f - (m h / L) v', linear in Fx;
 without relaxation l_i = (R w_i - v) / v. The source prints no parameters: those here are of a mid-size car, wheels per
 axle. Source: Aguado-Rojas 2019, section 3.6, eq. 3.36.
 """
@@ -82,18 +82,16 @@ class TwoAxle:
     places: ClassVar[tuple[str, ...]] = ("front", "rear")
 
     roads: tuple[Road, ...] = part("under the front and the rear axle")
-    axles: tuple[Wheel, ...] = part("both wheels of an axle as one; their load follows", default=(FRONT_AXLE, REAR_AXLE))
+    axles: tuple[Wheel, ...] = part(
+        "both wheels of an axle as one; their load follows", default=(FRONT_AXLE, REAR_AXLE)
+    )
     mass: Any = parameter("m, kg", default=1500.0, low=0.0, open_low=True)
     wheelbase: Any = parameter("L, m", default=2.7, low=0.0, open_low=True)
-    to_front: Any = parameter(
-        "from the centre of gravity to the front axle, m", default=1.2, low=0.0, open_low=True
-    )
+    to_front: Any = parameter("from the centre of gravity to the front axle, m", default=1.2, low=0.0, open_low=True)
     height: Any = parameter("h of the centre of gravity, m", default=0.55, low=0.0)
     pitch_inertia: Any = parameter("Iy, kg m^2", default=2400.0, low=0.0, open_low=True)
     suspension: Suspension | None = part("springs and dampers; None is a rigid one", default=Suspension())
-    relaxation: Any = parameter(
-        "sigma, relaxation length, m; None: none, not 0", default=0.25, low=0.0, open_low=True
-    )
+    relaxation: Any = parameter("sigma, relaxation length, m; None: none, not 0", default=0.25, low=0.0, open_low=True)
     ordered: ClassVar[tuple[tuple[str, str, float], ...]] = (("to_front", "wheelbase", 1e-3),)
 
     def __post_init__(self):

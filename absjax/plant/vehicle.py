@@ -20,6 +20,11 @@ class Vehicle(Protocol):
     """what the wheels are called, "front left" say"""
 
     @property
+    def mass(self) -> Any:
+        """m [kg]."""
+        ...
+
+    @property
     def wheels(self) -> tuple[Wheel, ...]:
         """The wheels that are braked; their `load` is that at rest."""
         ...

@@ -7,21 +7,13 @@
 with R^ the radius the unit takes the wheel to have. Reproducible: the noise of a sample is drawn from seed and time.
 """
 
-from functools import partial
 from typing import Any
 
-import jax
 import jax.numpy as jnp
 
 from absjax.parameters import model, parameter
+from absjax.sensors.white import white_noise
 from absjax.signals import Signals
-
-CLOCK = 1e-6
-"""Instants closer than this get the same noise, s."""
-
-
-def _normal(seed, tick, dtype):
-    return jax.random.normal(jax.random.fold_in(jax.random.key(seed), tick), (), dtype)
 
 
 @model
@@ -49,7 +41,6 @@ class NoisySensor:
         """The signals as measured."""
         x2, brakes = signals.acceleration_offset, signals.vehicle_acceleration
         known = signals.radius if self.radius is None else self.radius
-        tick = jnp.round(jnp.asarray(signals.time) / CLOCK).astype(jnp.int32)
-        noise = jnp.vectorize(partial(_normal, dtype=jnp.asarray(x2).dtype))(self.seed, tick)
+        noise = white_noise(self.seed, signals.time, jnp.asarray(x2).dtype)
         offset = known / signals.radius * (x2 + brakes) - brakes + self.noise * noise
         return signals._replace(acceleration_offset=offset, radius=known), state

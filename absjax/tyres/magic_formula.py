@@ -22,9 +22,7 @@ class MagicFormula:
     title: ClassVar[str] = "Magic Formula"
     beyond_peak: ClassVar[tuple[str, ...]] = ("shape_factor",)
 
-    stiffness_factor: Any = parameter(
-        "B, no unit", low=0.0, open_low=True, high=1e3, trainable=True, span=(2.0, 100.0)
-    )
+    stiffness_factor: Any = parameter("B, no unit", low=0.0, open_low=True, high=1e3, trainable=True, span=(2.0, 100.0))
     shape_factor: Any = parameter("C, no unit", low=0.0, open_low=True, high=2.0, trainable=True, span=(1.02, 1.98))
     peak_value: Any = parameter("D, friction at the peak, no unit", low=0.0, trainable=True, span=(0.02, 2.0))
     curvature_factor: Any = parameter("E, no unit", low=-1e2, high=1.0, trainable=True, span=(-5.0, 0.99))

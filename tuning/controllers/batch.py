@@ -9,14 +9,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from absjax.lanes import repeated, taken
+from absjax.lanes import taken
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.growth import growth
-from absjax.loop.ideal import ideal_distance
-from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, Stop, stop
+from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.parameters import model, parameter, part
 from absjax.sensors.base import Sensor
+from absjax.speed.accelerometer import Accelerometer
+from absjax.speed.base import SpeedEstimator
+from tuning.controllers.loops import Loop, carried, in_control_unit, loop_of_lanes, shortest
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.controllers.stop_figures import StopFigures
@@ -45,15 +47,7 @@ def on_every_row(parameters: Mapping[str, Any], rows: int) -> dict[str, Any]:
     return {name: jnp.tile(values, rows) for name, values in parameters.items()}
 
 
-def loop_of_lanes(loop: ClosedLoop, own: Mapping[str, Any], rows: int) -> ClosedLoop:
-    """A loop whose plant and driver carry the rows, with the controller's parameters of each lane, (lanes,)."""
-    sets = len(next(iter(own.values()))) // rows
-    controller = dataclasses.replace(loop.controller, **own)  # pyright: ignore[reportArgumentType]
-    plant, driver = repeated(loop.plant, sets), repeated(loop.driver, sets)
-    return dataclasses.replace(loop, plant=plant, driver=driver, controller=controller)
-
-
-def every_set_on_every_row(loop: ClosedLoop, parameters: Mapping[str, Any], rows: int) -> ClosedLoop:
+def every_set_on_every_row(loop: Loop, parameters: Mapping[str, Any], rows: int) -> Loop:
     """Lanes (rows * sets,) of a loop whose plant and driver carry the rows; the controller's parameters are (sets,)."""
     return loop_of_lanes(loop, on_every_row(parameters, rows), rows)
 
@@ -62,11 +56,15 @@ def every_set_on_every_row(loop: ClosedLoop, parameters: Mapping[str, Any], rows
 class Batch:
     """Rows as arrays (rows,), the longest stops last, and what is the same for all."""
 
-    loop: ClosedLoop = part("the loop with the start's controller; its road and driver carry the rows")
+    loop: ClosedLoop | VehicleLoop = part("the loop with the start's controller; its road and driver carry the rows")
     speed: Any = parameter("initial speeds, m/s, shape (rows,)", ndim=1)
     ideal: Any = parameter("ideal distances from the pedal, m, shape (rows,)", ndim=1)
     published: Any = parameter("published distances, m, shape (rows,); 0 where the ideal is the reference", ndim=1)
     sensor: Sensor | None = part("what a sampled control unit measures with", default=None)
+    estimator: SpeedEstimator | None = part(
+        "of the vehicle's speed in a sampled unit; None: the true one", default=None
+    )
+    accelerometer: Accelerometer | None = part("of that unit; None measures without error", default=None)
     longest_cycle: Any = parameter("longest cycle allowed, s", default=1.0)
     longest_lock: Any = parameter("longest lock above 15 km/h allowed, s", default=0.05)
     horizon: float = 10.0
@@ -83,8 +81,7 @@ class Batch:
     def of(self, members: Any) -> "Batch":
         """Some of the rows, (members,); traceable."""
         rows = {name: jnp.take(getattr(self, name), members) for name in ("speed", "ideal", "published")}
-        plant, driver = taken(self.loop.plant, members), taken(self.loop.driver, members)
-        return dataclasses.replace(self, loop=dataclasses.replace(self.loop, plant=plant, driver=driver), **rows)
+        return dataclasses.replace(self, loop=carried(self.loop, partial(taken, index=members)), **rows)
 
     def stops(self, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
         """Stops of every set on every row, lanes (rows * sets,); parameters are arrays (sets,).
@@ -96,7 +93,8 @@ class Batch:
     def stops_of_lanes(self, own: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
         """The same of parameters (rows * sets,), each lane's own."""
         loop = loop_of_lanes(self.loop, own, self.rows)
-        system = SampledLoop(loop, self.sensor, tick_every=ticks, substeps=self.substeps) if ticks else loop
+        told = self.sensor, self.estimator, self.accelerometer
+        system = in_control_unit(loop, ticks, self.substeps, *told) if ticks else loop
         return stop(system, **self._how(own, step))
 
     def growths(self, parameters: Mapping[str, Any]):
@@ -188,7 +186,7 @@ def batch_of(setup: Setup) -> Batch:
     speed = np.array([row.speed for row in rows])
     horizon = SAFETY_HORIZON * max(row.longest_ideal for row in rows) + 1.0
     road, pedal = stacked([row.road for row in rows]), np.array([row.pedal_rate for row in rows])
-    loop = setup.loop(setup.controller(), road, pedal)
+    loop = setup.loop_of(None, road, pedal)
     reached = np.zeros(len(rows))
     if config.reference == "published":
         for i, row in enumerate(rows):
@@ -200,9 +198,11 @@ def batch_of(setup: Setup) -> Batch:
     return Batch(
         loop=loop,
         speed=speed,
-        ideal=np.asarray(ideal_distance(dataclasses.replace(loop, observer=None), speed, horizon=horizon)),
+        ideal=np.asarray(shortest(loop, speed, horizon)),
         published=reached,
         sensor=setup.sensor,
+        estimator=None if config.vehicle is None else config.vehicle.estimator(),
+        accelerometer=None if config.vehicle is None else config.vehicle.accelerometer(),
         longest_cycle=config.longest_cycle,
         longest_lock=config.longest_lock,
         horizon=horizon,

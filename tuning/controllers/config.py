@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field
 
 from absjax.controllers import CONTROLLERS
 from absjax.controllers.base import Controller
@@ -32,9 +32,14 @@ from tuning.core.config import (
 from tuning.core.fit import SearchConfig
 from tuning.core.objective import Name
 from tuning.core.roads import RoadEntry, changes_along, speeds_of
+from tuning.vehicle.entry import VehicleEntry
 
 FASTEST_KMH = 500.0
 Speeds = Annotated[tuple[Positive, ...], Field(min_length=1, max_length=LONGEST)]
+
+
+def _vehicle(value: Any) -> VehicleEntry | None:
+    return VehicleEntry.from_json(value) if isinstance(value, Mapping) else value
 
 
 @config
@@ -50,6 +55,8 @@ class TuningConfig(SearchConfig):
         speeds_kmh: initial speeds [km/h].
         plant: what is braked, in `absjax.plant.PLANTS`, or as above; plant_parameters: its further fields.
         wheel: fields of `absjax.plant.wheel.Wheel`.
+        vehicle: a whole vehicle instead of plant and wheel, see `tuning.vehicle.entry.VehicleEntry`. With sets of their
+            own the parameters are called front.eps0, rear.eps0 and so on. Its limit cycles are not looked for.
         sensor: what the sampled control unit measures with, in `absjax.sensors.SENSORS`, or as above; None measures
             without error. sensor_parameters: its fields.
         rate_limit: of the actuator [bar/s]; None for none. `lag` [s] and `delay` [s] likewise.
@@ -85,6 +92,7 @@ class TuningConfig(SearchConfig):
     plant: Text = "quarter_car"
     plant_parameters: Values = dataclasses.field(default_factory=dict)
     wheel: Values = dataclasses.field(default_factory=dict)
+    vehicle: Annotated[Any, BeforeValidator(_vehicle)] = None
     sensor: Text | None = None
     sensor_parameters: Values = dataclasses.field(default_factory=dict)
     rate_limit: Positive | None = 750.0
@@ -113,7 +121,7 @@ class TuningConfig(SearchConfig):
         kind = self.kind
         for entry, names in (("start", self.start), *(("known", k) for k in self.known)):
             for name in names:
-                choice(entry, name, tuple(bounds_of(kind)))
+                choice(entry, name, tuple(prefix + field for prefix in self.prefixes for field in bounds_of(kind)))
         for entry, part, values in (
             ("observer", self.design, self.observer_parameters),
             ("sensor", self.sensor_kind, self.sensor_parameters),
@@ -130,6 +138,16 @@ class TuningConfig(SearchConfig):
             require("cycle_speeds_kmh", speed, speed <= FASTEST_KMH, f"at most {FASTEST_KMH:g}")
         require("starts", self.starts, self.starts > len(self.known), "more than the known sets")
         require("plant", self.plant, self.plant_kind is not None, "given")
+        if self.vehicle is not None:
+            quarter = not self.wheel and not self.plant_parameters and self.plant == "quarter_car"
+            require("vehicle", "given", quarter, "without plant and wheel: it has its own")
+            require("largest_contraction", largest, largest is None, "null: limit cycles are those of one wheel")
+            require(
+                "reference",
+                self.reference,
+                self.reference == "ideal",
+                "'ideal': distances of vehicles are not published",
+            )
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
@@ -139,6 +157,11 @@ class TuningConfig(SearchConfig):
             ConfigError: naming the entry that is unknown, of the wrong kind or out of range.
         """
         return super().from_json(updated(data))
+
+    @property
+    def prefixes(self) -> tuple[str, ...]:
+        """What the names of parameters begin with, one for each set of them."""
+        return ("",) if self.vehicle is None else self.vehicle.prefixes
 
     @property
     def kind(self) -> type[Controller]:

@@ -101,9 +101,9 @@ def exact_charges(setup: Setup, names: tuple[str, ...], sets: np.ndarray, larges
 
 
 def certify_cycles(setup: Setup, parameters: Mapping[str, float]) -> list[CycleRow]:
-    """The limit cycles of a parameter set on the roads of a setup; none of a controller without cycles."""
+    """The limit cycles of a parameter set on the roads of a setup; none of a controller without cycles or a vehicle."""
     config = setup.config
-    if setup.kind.cycle_phase is None or not config.uniform_roads:
+    if setup.kind.cycle_phase is None or not config.uniform_roads or config.vehicle is not None:
         return []
     names = tuple(parameters)
     cycle = _exact_cycles(setup, names, np.array([[parameters[name] for name in names]]))

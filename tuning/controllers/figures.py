@@ -26,7 +26,7 @@ def tuning_figures(result: TuningResult, folder: Path) -> list[Path]:
         save(_history(result), folder / "history.png"),
         save(plot_stop(result, road, speed), folder / "stop.png"),
     ]
-    if result.config.uniform_roads:
+    if result.config.uniform_roads and result.config.vehicle is None:
         files.append(save(_cycles(result), folder / "cycles.png"))
     return files
 

@@ -64,14 +64,14 @@ def plot_stop(
     """
     result = result if isinstance(result, TuningResult) else load_result(result)
     setup = result.setup
-    sets = {"untuned": setup.controller()} if untuned else {}
-    sets["tuned"] = setup.controller(result.parameters)
+    sets: dict[str, dict[str, float]] = {"untuned": {}} if untuned else {}
+    sets["tuned"] = result.parameters
     row = Row(road_entry(road), float(speed_kmh), result.config.pedal_rate)
     figure, grid = plt.subplots(
         4, len(sets), figsize=(6.5 * len(sets), 9), sharex=True, sharey="row", squeeze=False, layout="constrained"
     )
-    for axes, (name, controller) in zip(grid.T, sets.items()):
-        loop = setup.loop(controller, taken(stacked([row.road]), 0))
+    for axes, (name, parameters) in zip(grid.T, sets.items()):
+        loop = setup.loop_of(parameters, taken(stacked([row.road]), 0))
         system, step = setting.applied(setup, loop)
         every = max(1, round(1e-3 / step))
         horizon = 2 * row.longest_ideal + 1.0

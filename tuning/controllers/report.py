@@ -54,7 +54,7 @@ def parameter_line(result: TuningResult) -> str:
 def cycles_line(result: TuningResult) -> str:
     """What is certified of the limit cycles, on a line."""
     if not result.cycles:
-        return "it does not cycle"
+        return "limit cycles: none looked for" if result.config.vehicle is not None else "it does not cycle"
     attractive = [row for row in result.cycles if row.certified]
     line = f"limit cycles: {len(attractive)} of {len(result.cycles)} roads and speeds found and attractive"
     found = [(row.contraction, row) for row in result.cycles if row.contraction is not None]

@@ -9,6 +9,8 @@ from absjax.controllers.base import Controller
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import Driver
 from absjax.loop.sampled_loop import SampledLoop
+from absjax.loop.sampled_vehicle import SampledVehicle
+from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.observers.base import Observer
 from absjax.plant.base import Plant, Road
 from absjax.plant.brake import Brake
@@ -18,10 +20,12 @@ from absjax.plant.wheel import Wheel
 from absjax.sensors.base import Sensor
 from absjax.tyres.surfaces import SURFACES
 from tuning.controllers.config import TuningConfig
+from tuning.controllers.loops import in_control_unit
 from tuning.core import components
-from tuning.core.box import Box, box_of
+from tuning.core.box import Box, box_of, joined
 from tuning.core.config import ConfigError
 from tuning.core.roads import tyres_by_name
+from tuning.vehicle.entry import of_axle
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,6 +38,7 @@ class Setup:
     brake: Brake
     driver: Driver
     observer: Observer | None
+    """of a vehicle that of the front axle"""
     sensor: Sensor | None
     initial: dict[str, float]
     """parameters of the controller to start from"""
@@ -48,6 +53,8 @@ class Setup:
             ConfigError: if a part is not admissible; names the entry.
         """
         wheel, design = components.built("wheel", Wheel, config.wheel), config.design
+        if config.vehicle is not None:
+            wheel = _axle_wheel(config, 0)
         try:
             brake = Brake(config.rate_limit, config.lag, config.delay)
             driver = Driver(config.pedal_rate, config.foot_delay, config.driver_pressure)
@@ -60,14 +67,39 @@ class Setup:
         sensor = config.sensor_kind
         if sensor is not None:
             sensor = components.built("sensor_parameters", sensor, config.sensor_parameters)
-        initial = components.initial(config.kind, config.start)
+        initial = {
+            prefix + name: value
+            for prefix in config.prefixes
+            for name, value in components.initial(config.kind, _without(prefix, config.start)).items()
+        }
         setup = cls(config, config.kind, wheel, brake, driver, observer, sensor, initial, step)
-        setup.loop(setup.controller())
+        setup.loop_of()
         return setup
 
-    def controller(self, values: Mapping[str, Any] | None = None) -> Controller:
-        """The controller of given parameters; of the initial ones without."""
-        return components.built("start", self.kind, {**self.initial, **(values or {})}, self.wheel)
+    def controller(self, values: Mapping[str, Any] | None = None, axle: int = 0) -> Controller:
+        """The controller of given parameters, of the initial ones without; of a vehicle that of an axle."""
+        values, wheel = {**self.initial, **(values or {})}, self.wheel
+        if self.config.vehicle is not None:
+            values, wheel = of_axle(values, axle), _axle_wheel(self.config, axle)
+        return components.built("start", self.kind, values, wheel)
+
+    def loop_of(
+        self, values: Mapping[str, Any] | None = None, road: Any = SURFACES["dry_asphalt"], pedal_rate: Any = None
+    ) -> ClosedLoop | VehicleLoop:
+        """The loop of given parameters, of a vehicle where there is one, else of one wheel; see `loop`."""
+        vehicle = self.config.vehicle
+        if vehicle is None:
+            return self.loop(self.controller(values), road, pedal_rate)
+        controllers, observers = [], []
+        for axle in range(2):
+            controllers.append(self.controller(values, axle))
+            design, wheel = self.config.design, _axle_wheel(self.config, axle)
+            built = None if design is None else design(**self.config.observer_parameters).observer(wheel)
+            observers.append(built)
+        driver = self.driver if pedal_rate is None else dataclasses.replace(self.driver, rate=pedal_rate)
+        model = vehicle.vehicle((as_road(road),) * vehicle.wheels)
+        stop_speed = self.config.stop_speed_kmh / 3.6
+        return vehicle.loop(model, self.brake, controllers, observers, stop_speed, driver)
 
     def plant(self, road: Road) -> Plant:
         """What is braked, on a road."""
@@ -105,11 +137,13 @@ class Setup:
         return self.config.substeps or math.ceil(2 * design.substeps * period / 1e-3)
 
     def sampled(
-        self, loop: ClosedLoop, period: float | None = None, sensor: Sensor | None = None
-    ) -> tuple[SampledLoop, float]:
+        self, loop: ClosedLoop | VehicleLoop, period: float | None = None, sensor: Sensor | None = None
+    ) -> tuple[SampledLoop | SampledVehicle, float]:
         """A loop under the clock of a control unit, with the configured sensor unless one is given; its grid step."""
         step, ticks = self.sampled_grid(period)
-        return SampledLoop(loop, sensor or self.sensor, tick_every=ticks, substeps=self.substeps(period)), step
+        vehicle = self.config.vehicle
+        told = () if vehicle is None else (vehicle.estimator(), vehicle.accelerometer())
+        return in_control_unit(loop, ticks, self.substeps(period), sensor or self.sensor, *told), step
 
     def box(self) -> Box:
         """The tuned parameters, their limits and their order.
@@ -119,19 +153,33 @@ class Setup:
                 lowest limits.
         """
         config, roads = self.config, tyres_by_name(self.config.roads)
-        spans = self.kind.spans_on(roads)
-        box = box_of(
-            self.kind,
-            self.initial,
-            tune=config.tune,
-            limits=config.limits,
-            spans=spans,
-            floor=config.threshold_floor,
-        )
-        lowest = {name: value for name, value in zip(box.names, box.low) if name in spans}
-        for entry, values in (("start", {}), ("limits", lowest)):
-            try:
-                self.controller(values).require_roads(roads)
-            except ValueError as error:
-                raise ConfigError(f"{entry}: {error}") from None
-        return box
+        spans, boxes = self.kind.spans_on(roads), []
+        for axle, prefix in enumerate(config.prefixes):
+            box = box_of(
+                self.kind,
+                _without(prefix, self.initial),
+                tune=[name.removeprefix(prefix) for name in config.tune if name.startswith(prefix)],
+                limits=_without(prefix, config.limits),
+                spans=spans,
+                floor=config.threshold_floor,
+            )
+            lowest = {prefix + name: value for name, value in zip(box.names, box.low) if name in spans}
+            for entry, values in (("start", {}), ("limits", lowest)):
+                try:
+                    self.controller(values, axle).require_roads(roads)
+                except ValueError as error:
+                    raise ConfigError(f"{entry}: {error}") from None
+            boxes.append(box.called(prefix))
+        return joined(boxes)
+
+
+def _without(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
+    """Those whose names begin with a prefix, called without it."""
+    return {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
+
+
+def _axle_wheel(config: TuningConfig, axle: int) -> Wheel:
+    """A wheel of an axle of the configured vehicle, with its load at rest."""
+    vehicle = config.vehicle
+    model = vehicle.vehicle((as_road("dry_asphalt"),) * vehicle.wheels)
+    return model.wheels[axle * vehicle.wheels // 2]

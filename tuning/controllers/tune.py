@@ -58,7 +58,7 @@ def score(problem: ControllerProblem, parameters: dict[str, float]) -> list[Resu
             pedal_bar_s=row.pedal_rate,
             ideal=float(batch.ideal[i]),
             published_ideal=row.published_ideal,
-            published=row.published(setup.config.controller),
+            published=None if setup.config.vehicle is not None else row.published(setup.config.controller),
             untuned=located.figures(i, 0),
             tuned=located.figures(i, 1),
             sampled=sampled.figures(i, 1),

@@ -33,6 +33,11 @@ class Box(NamedTuple):
     ordered: tuple[tuple[str, str, float], ...] = ()
     """(lower, higher, by how much at least); the limits leave room for it"""
 
+    def called(self, prefix: str) -> "Box":
+        """The box with a prefix to every name."""
+        ordered = tuple((prefix + low, prefix + high, margin) for low, high, margin in self.ordered)
+        return self._replace(names=tuple(prefix + name for name in self.names), ordered=ordered)
+
     @property
     def _logarithmic(self) -> np.ndarray:
         return np.asarray(self.low) > 0
@@ -75,6 +80,12 @@ class Box(NamedTuple):
         """Names of the parameters that lie on a limit."""
         low, high = self.limits
         return [n for n, at in zip(self.names, (abs(point - low) < 1e-6) | (abs(point - high) < 1e-6)) if at]
+
+
+def joined(boxes: Sequence[Box]) -> Box:
+    """Boxes of different names as one."""
+    names, low, high, ordered = (sum(parts, ()) for parts in zip(*boxes))
+    return Box(names, low, high, ordered)
 
 
 def box_of(

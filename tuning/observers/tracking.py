@@ -107,7 +107,9 @@ def summary(ride: Ride) -> dict[str, Any]:
         "cycles on dry": int(cycles[0]),
         "on wet": int(cycles[1]),
         "on snow": int(cycles[2]),
-        "longest cycle [s]": round(float(jnp.maximum(memory.control.longest_cycle, end - memory.control.cycle_time)), 3),
+        "longest cycle [s]": round(
+            float(jnp.maximum(memory.control.longest_cycle, end - memory.control.cycle_time)), 3
+        ),
         "locked above 15 km/h [s]": round(float(locks.time[0]), 3),
         "ends [s]": round(end, 2),
         "speed then [m/s]": round(float(ride.result.state.plant.speed), 2),

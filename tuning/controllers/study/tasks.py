@@ -220,7 +220,8 @@ def scattered(out: Path, stops: int) -> Iterator[Report]:
             )
         title = f"{stops} scattered stops, {pedal}"
         name = "robustness" if scatter is robustness.SCATTER else "robustness_pedal"
-        yield Report({title: rows}, [], [save(figures.robustness_figure(excess), out / f"{name}.png")])
+        file = save(figures.robustness_figure(excess), out / f"{name}.png")
+        yield Report({title: rows}, [], [file], seeds={title: SEED})
 
 
 def _contestants() -> dict[str, tuple[TuningConfig, dict[str, float]]]:

@@ -1,4 +1,4 @@
-"""`drive-log`, `split-mu`: whole vehicles."""
+"""`vehicle-study`, `split-mu`, `drive-log`: anti-lock braking of whole vehicles, and a car driven by a log."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,6 +6,18 @@ from typing import Annotated
 import typer
 
 from tuning.core.command import Force, Out, carry_out
+from tuning.vehicle.about import DRIVE_LOG, SPLIT_MU, VEHICLE_STUDY
+
+
+def vehicle_study(out: Out, force: Force = False) -> None:
+    """Whole vehicles: the published scenario of two axles, distances of cars, split mu; with figures."""
+
+    def work():
+        from tuning.vehicle.tasks import study
+
+        return (), lambda: study(out)
+
+    carry_out(out, work, about=VEHICLE_STUDY, force=force)
 
 
 def drive_log(
@@ -27,7 +39,7 @@ def drive_log(
         data, known = read_with_car(log, car, parse_vehicle_columns(columns))
         return (log, car), lambda: tasks.drive_log(data, known, out)
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=DRIVE_LOG, force=force)
 
 
 def split_mu(
@@ -45,4 +57,4 @@ def split_mu(
         wanted = checked(right, speed)
         return (), lambda: tasks.split_mu(*wanted, out)
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=SPLIT_MU, force=force)

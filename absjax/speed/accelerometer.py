@@ -1,0 +1,31 @@
+"""What a longitudinal accelerometer tells.
+
+    a = v' + bias + sigma n,  n white and normal
+
+with the bias it has had since it was turned on. Reproducible: the noise of a sample is drawn from seed and time.
+Source of the bias: Aguado-Rojas 2019, section 3.6; the noise is ours.
+"""
+
+from typing import Any
+
+import jax.numpy as jnp
+
+from absjax.parameters import model, parameter
+from absjax.sensors.white import white_noise
+
+CHANNEL = 1
+"""Of its noise, so that wheel sensors of the same seed have another."""
+
+
+@model
+class Accelerometer:
+    """A longitudinal accelerometer."""
+
+    bias: Any = parameter("turn-on bias, m/s^2", default=0.5)
+    noise: Any = parameter("sigma, standard deviation of a sample, m/s^2", default=0.1, low=0.0)
+    seed: Any = parameter("of the noise, an integer", default=0, low=0.0)
+
+    def measure(self, acceleration, time):
+        """The acceleration [m/s^2] as it tells it at `time` [s]; arrays broadcast."""
+        acceleration = jnp.asarray(acceleration)
+        return acceleration + self.bias + self.noise * white_noise(self.seed, time, acceleration.dtype, CHANNEL)

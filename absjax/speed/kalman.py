@@ -1,0 +1,133 @@
+"""A Kalman filter for the vehicle's speed and the bias of its accelerometer.
+
+    v' = a - b + noise,  b' = noise        a: as the accelerometer tells it
+    z_i = (1 - c a^) R w_i = v + noise     for each wheel i, a^ = a - b
+
+Between samples, with P the covariance and T the period,
+
+    v <- v + T (a - b)         P <- F P F' + T diag(q_v^2, q_b^2),  F = [[1, -T], [0, 1]]
+
+and at a sample one scalar update for each wheel, the innovation e_i = z_i - v, its variance P_vv + R_i:
+
+    R_i = r^2 (1 + x_i)^2,     x_i = e_i^2 / (k^2 (P_vv + r^2)) + ((R w_i' - a^) / A)^2
+
+x_i says that a wheel slips: by its innovation, in standard deviations k of those below and of those above the estimate,
+and by its own acceleration. A wheel that rolls has x_i near zero; one that slips is hardly counted, and the estimate
+coasts on the accelerometer. While it coasts P_vv grows, and with it what is taken for rolling, so that the wheels are
+found again. Rims lie below the speed while a car brakes: what lies above tells more. c is the slip of a braked wheel
+over the deceleration, zero where it is neglected.
+
+Source: Aguado-Rojas 2019, section 3.6, for signals and bias, who takes the filter from Daiss and Kiencke 1995; how a
+wheel is told to slip, and c, are ours.
+"""
+
+from typing import Any, ClassVar, NamedTuple
+
+import jax.numpy as jnp
+
+from absjax.parameters import model, parameter
+from absjax.speed.base import LEAST, rim_acceleration, told
+
+TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
+
+
+class KalmanState(NamedTuple):
+    """State of the filter; scalars per lane."""
+
+    speed: Any
+    """v^ [m/s]"""
+    bias: Any
+    """b^ [m/s^2]"""
+    speed_variance: Any
+    """P_vv [m^2/s^2]"""
+    covariance: Any
+    """P_vb [m^2/s^3]"""
+    bias_variance: Any
+    """P_bb [m^2/s^4]"""
+    lagged: tuple[Any, ...]
+    """rim speeds behind a lag, for their accelerations [m/s]"""
+
+
+@model
+class KalmanSpeed:
+    """The filter, on the first `wheels` rims; 1: on the front axle alone, as in the source.
+
+    The default values are round ones near those that `python -m tuning speed-study` finds for two axles.
+
+    Raises:
+        ValueError: at construction, unless there is a wheel.
+    """
+
+    title: ClassVar[str] = "Kalman filter"
+
+    speed_drift: Any = parameter("q_v, density of what drives v, m/s^1.5", default=0.015, span=(1e-3, 5.0), **TUNED)
+    bias_drift: Any = parameter("q_b, density of what drives b, m/s^2.5", default=0.02, span=(1e-4, 1.0), **TUNED)
+    bias_deviation: Any = parameter("of b when it begins, m/s^2", default=2.0, span=(0.05, 3.0), **TUNED)
+    rim_noise: Any = parameter("r, of a rolling wheel, m/s", default=0.1, span=(5e-3, 3.0), **TUNED)
+    below: Any = parameter("k of rims below the estimate, standard deviations", default=0.3, span=(0.05, 50.0), **TUNED)
+    above: Any = parameter("k of rims above it, standard deviations", default=15.0, span=(0.05, 50.0), **TUNED)
+    deviation: Any = parameter(
+        "A, difference of a rim's acceleration from the car's, m/s^2", default=3.0, span=(0.3, 500.0), **TUNED
+    )
+    slip: Any = parameter(
+        "c, slip over deceleration, s^2/m", default=0.003, low=0.0, high=0.05, trainable=True, span=(0.0, 0.03)
+    )
+    lag: Any = parameter("of the derivative of the rim speeds, s", default=0.02, low=0.0)
+    least: Any = parameter("speed that the estimate is not below, m/s", default=0.1, **LEAST)
+    wheels: int = 2
+    """how many of the wheels are listened to"""
+
+    def __post_init__(self):
+        if self.wheels < 1:
+            raise ValueError(f"KalmanSpeed.wheels = {self.wheels} must be 1 at least")
+
+    def initial_state(self, speed) -> KalmanState:
+        """The speed known as well as a rolling wheel tells it, no bias."""
+        zero = 0.0 * speed
+        variances = self.rim_noise**2 + zero, zero, self.bias_deviation**2 + zero
+        return KalmanState(speed, zero, *variances, (speed,) * self.wheels)
+
+    def update(self, state: KalmanState, acceleration, rims, period) -> KalmanState:
+        """State at a sample."""
+        car = acceleration - state.bias
+        speed, bias = state.speed + period * car, state.bias
+        variance = state.speed_variance - 2 * period * state.covariance + period**2 * state.bias_variance
+        variance = variance + period * self.speed_drift**2
+        covariance = state.covariance - period * state.bias_variance
+        bias_variance = state.bias_variance + period * self.bias_drift**2
+        measured = [
+            (z, self.rim_variance(z - speed, change - car, variance), lagged)
+            for z, change, lagged in self._measured(state, car, rims, period)
+        ]
+        for z, noise, _ in measured:
+            innovation, total = z - speed, variance + noise
+            speed, bias = speed + variance / total * innovation, bias + covariance / total * innovation
+            bias_variance = bias_variance - covariance**2 / total
+            variance, covariance = variance * noise / total, covariance * noise / total
+        lagged = tuple(lagged for *_, lagged in measured)
+        return KalmanState(jnp.maximum(speed, self.least), bias, variance, covariance, bias_variance, lagged)
+
+    def _measured(self, state: KalmanState, car, rims, period):
+        """Of each wheel the speed it tells, the acceleration of its rim, and its speed behind the lag."""
+        for rim, lagged in zip(told(self, rims, self.wheels), state.lagged):
+            yield (1 - self.slip * car) * rim, *rim_acceleration(rim, lagged, self.lag, period)
+
+    def rim_variance(self, innovation, change, variance):
+        """R_i [m^2/s^2] of a wheel.
+
+        Args:
+            innovation: e_i [m/s].
+            change: acceleration of the rim less that of the car [m/s^2].
+            variance: P_vv before the sample [m^2/s^2].
+        """
+        deviations = jnp.where(innovation < 0, self.below, self.above)
+        slips = innovation**2 / (deviations**2 * (variance + self.rim_noise**2)) + (change / self.deviation) ** 2
+        return self.rim_noise**2 * (1 + slips) ** 2
+
+    def speed_of(self, state: KalmanState):
+        """v^ [m/s]."""
+        return state.speed
+
+    def acceleration_of(self, state: KalmanState, acceleration):
+        """a - b^ [m/s^2]."""
+        return acceleration - state.bias

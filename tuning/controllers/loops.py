@@ -1,0 +1,78 @@
+"""What tuners do with a loop, of one wheel or of a vehicle: parameters put in, rows carried, a clock, the ideal."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any, TypeVar
+
+from absjax.lanes import repeated
+from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.ideal import ideal_distance
+from absjax.loop.sampled_loop import SampledLoop
+from absjax.loop.sampled_vehicle import SampledVehicle
+from absjax.loop.vehicle_ideal import vehicle_ideal_distance
+from absjax.loop.vehicle_loop import VehicleLoop
+from absjax.sensors.base import Sensor
+from absjax.speed.accelerometer import Accelerometer
+from absjax.speed.base import SpeedEstimator
+from tuning.vehicle.entry import of_axle
+
+Loop = TypeVar("Loop", bound=ClosedLoop | VehicleLoop)
+CARRIERS = "plant", "vehicle", "driver"
+"""Parts of a loop that carry the rows, those it has."""
+
+
+def carried(loop: Loop, change: Callable[[Any], Any]) -> Loop:
+    """A loop whose parts that carry the rows are changed."""
+    parts = {name: change(getattr(loop, name)) for name in CARRIERS if hasattr(loop, name)}
+    return dataclasses.replace(loop, **parts)
+
+
+def with_parameters(loop: Loop, own: Mapping[str, Any]) -> Loop:
+    """A loop with parameters of its controller, or of those of its axles."""
+
+    def given(controller, values):
+        return dataclasses.replace(controller, **values)
+
+    if isinstance(loop, ClosedLoop):
+        return dataclasses.replace(loop, controller=given(loop.controller, own))
+    places = len(loop.vehicle.places)
+    channels = tuple(
+        dataclasses.replace(channel, controller=given(channel.controller, of_axle(own, wheels[0] * 2 // places)))
+        for channel, wheels in zip(loop.channels, loop.wheels_of)
+    )
+    return dataclasses.replace(loop, channels=channels)
+
+
+def loop_of_lanes(loop: Loop, own: Mapping[str, Any], rows: int) -> Loop:
+    """A loop whose plant and driver carry the rows, with the controller's parameters of each lane, (lanes,)."""
+    sets = len(next(iter(own.values()))) // rows
+    return with_parameters(carried(loop, partial(repeated, times=sets)), own)
+
+
+def in_control_unit(
+    loop: ClosedLoop | VehicleLoop,
+    ticks: int,
+    substeps: int,
+    sensor: Sensor | None = None,
+    estimator: SpeedEstimator | None = None,
+    accelerometer: Accelerometer | None = None,
+) -> SampledLoop | SampledVehicle:
+    """A loop in a control unit that tests its guards every so many grid steps; a vehicle has the sensor at each wheel.
+
+    Args:
+        substeps: Runge-Kutta steps of an observer per sample.
+        estimator: of the speed of a vehicle.
+        accelerometer: of the unit, where it estimates the speed.
+    """
+    if isinstance(loop, ClosedLoop):
+        return SampledLoop(loop, sensor, tick_every=ticks, substeps=substeps)
+    sensors = () if sensor is None else (sensor,) * len(loop.vehicle.places)
+    return SampledVehicle(loop, sensors, estimator, accelerometer, ticks, substeps)
+
+
+def shortest(loop: ClosedLoop | VehicleLoop, speed: Any, horizon: float) -> Any:
+    """The shortest distances (rows,) that the pedal allows [m]."""
+    if isinstance(loop, ClosedLoop):
+        return ideal_distance(dataclasses.replace(loop, observer=None), speed, horizon=horizon)
+    return vehicle_ideal_distance(loop, speed, horizon=horizon)

@@ -1,0 +1,1 @@
+"""Whole vehicles: the cars shipped here, controllers tuned on them, and what is studied of them."""

@@ -1,0 +1,122 @@
+"""The vehicle of a configuration, and the loop of its channels."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Annotated, Any
+
+from pydantic import BeforeValidator, Field
+
+from absjax.controllers.base import Controller
+from absjax.loop.channel import Channel
+from absjax.loop.driver import Driver
+from absjax.loop.vehicle_loop import VehicleLoop
+from absjax.observers.base import Observer
+from absjax.plant.base import Actuator, Road
+from absjax.plant.vehicle import Vehicle
+from absjax.speed import SPEED_ESTIMATORS
+from absjax.speed.accelerometer import Accelerometer
+from absjax.speed.base import SpeedEstimator
+from tuning.core.components import built, component
+from tuning.core.config import ConfigError, Entries, Flag, NonNegative, Real, Text, Values, choice, config
+from tuning.vehicle.cars import MODELS, CarFigures, car_entry
+
+WIRINGS: dict[str, dict[int, tuple[tuple[int, ...], ...]]] = {
+    "independent": {2: ((0,), (1,)), 4: ((0,), (1,), (2,), (3,))},
+    "select_low_rear": {4: ((0,), (1,), (2, 3))},
+    "select_low": {4: ((0, 1), (2, 3))},
+}
+"""By name and number of wheels: the wheels each channel commands."""
+SETS = "one", "own"
+"""One set of parameters for all channels, or its own for each axle."""
+
+
+@config
+class VehicleEntry(Entries):
+    """A vehicle under anti-lock controllers.
+
+    Attributes:
+        car: name of a shipped car, or its figures (`tuning.vehicle.cars.CarFigures`).
+        model: of `tuning.vehicle.cars.MODELS`.
+        laden: whether it is.
+        wiring: of `WIRINGS`; select-low goes by the worse wheel of an axle.
+        sets: of `SETS`.
+        follows_load: whether controllers and observers know the load from the acceleration.
+        speed: name of the estimator that the sampled control unit has for the vehicle's speed, in
+            `absjax.speed.SPEED_ESTIMATORS`, or `package.module:Class`; None tells it the true one.
+        speed_parameters: its fields.
+        accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
+    """
+
+    car: Annotated[Any, BeforeValidator(car_entry)] = dataclasses.field(default_factory=lambda: car_entry("mid_size"))
+    model: Text = "two_axle"
+    laden: Flag = False
+    wiring: Text = "independent"
+    sets: Text = "one"
+    follows_load: Flag = True
+    speed: Text | None = None
+    speed_parameters: Annotated[Values, Field()] = dataclasses.field(default_factory=dict)
+    accelerometer_bias: Real = 0.5
+    accelerometer_noise: NonNegative = 0.1
+
+    def __post_init__(self):
+        choice("vehicle.model", self.model, MODELS)
+        choice("vehicle.wiring", self.wiring, tuple(WIRINGS))
+        choice("vehicle.sets", self.sets, SETS)
+        if self.wheels not in WIRINGS[self.wiring]:
+            raise ConfigError(f"vehicle.wiring = {self.wiring!r} needs the model four_wheel")
+        self.estimator()
+
+    @property
+    def wheels(self) -> int:
+        """How many turn on their own."""
+        return 2 if self.model == "two_axle" else 4
+
+    @property
+    def figures(self) -> CarFigures:
+        """Of the car."""
+        return self.car
+
+    @property
+    def channel_axles(self) -> tuple[int, ...]:
+        """For each channel its axle: 0 in front, 1 behind."""
+        return tuple(wheels[0] * 2 // self.wheels for wheels in WIRINGS[self.wiring][self.wheels])
+
+    @property
+    def prefixes(self) -> tuple[str, ...]:
+        """What the names of parameters begin with, one for each set of them."""
+        return ("",) if self.sets == "one" else ("front.", "rear.")
+
+    def vehicle(self, roads: Sequence[Road]) -> Vehicle:
+        """The model on roads under its axles or wheels."""
+        return self.figures.vehicle(self.model, roads, laden=self.laden)
+
+    def estimator(self) -> SpeedEstimator | None:
+        """That of the vehicle's speed."""
+        if self.speed is None:
+            return None
+        kind = component("vehicle.speed", self.speed, SPEED_ESTIMATORS, SpeedEstimator)
+        return built("vehicle.speed_parameters", kind, self.speed_parameters)
+
+    def accelerometer(self) -> Accelerometer | None:
+        """Of the control unit, where it estimates the speed."""
+        return None if self.speed is None else Accelerometer(self.accelerometer_bias, self.accelerometer_noise)
+
+    def loop(
+        self,
+        vehicle: Vehicle,
+        brake: Actuator,
+        controllers: Sequence[Controller],
+        observers: Sequence[Observer | None],
+        stop_speed: Any,
+        driver: Driver,
+    ) -> VehicleLoop:
+        """The loop with a controller and an observer for each axle."""
+        channels = tuple(Channel(brake, controllers[axle], observers[axle]) for axle in self.channel_axles)
+        wiring = WIRINGS[self.wiring][self.wheels]
+        return VehicleLoop(vehicle, channels, stop_speed, driver, wiring=wiring, follows_load=self.follows_load)
+
+
+def of_axle(values: Mapping[str, Any], axle: int) -> dict[str, Any]:
+    """The parameters of an axle's channels: those that begin with its prefix, and those without one."""
+    prefix = ("front.", "rear.")[axle]
+    return {name.removeprefix(prefix): value for name, value in values.items() if "." not in name or prefix in name}
