@@ -2,9 +2,9 @@
 
     s = |(lx, ly)|,    Fx = Fz mu_x(s) lx / s,    Fy = Fz mu_y(s) ly / s
 
-The friction curve holds along the direction of slip; a road may have a part `across`, the road a tyre with another curve
-across the wheel feels. Around s = 0 both are linear, mu(s) / s being taken at `SMALLEST`. Source: Pacejka 2012, section 3.3
-(the isotropic tyre).
+The friction curve holds along the direction of slip; a road may have a part `across`, the road a tyre with another
+curve across the wheel feels. Around s = 0 both are linear, mu(s) / s being taken at `SMALLEST`. Source: Pacejka 2012,
+section 3.3 (the isotropic tyre).
 """
 
 from typing import Any, NamedTuple

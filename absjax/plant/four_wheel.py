@@ -3,13 +3,13 @@
     m (vx' - r vy) = sum FX,    m (vy' + r vx) = sum FY,    Iz r' = sum x_i FY_i - y_i FX_i
     J w_i' = -R Fx_i - gamma_b Pb_i,    sigma lx' = (R w - wx) - |wx| lx,    sigma ly' = -wy - |wx| ly
 
-(wx, wy) is the velocity over a wheel's centre in the axes of the wheel, (FX, FY) the force in those of the car; ISO axes:
-x forward, y left, r positive to the left. Loads are quasi-static, with ax = sum FX / m and ay = sum FY / m
+(wx, wy) is the velocity over a wheel's centre in the axes of the wheel, (FX, FY) the force in those of the car; ISO
+axes: x forward, y left, r positive to the left. Loads are quasi-static, with ax = sum FX / m and ay = sum FY / m
 
     Fz_i = W_i -+ (m h / 2 L) ax -+ p (m h / T) ay
 
-where p is the axle's share of the roll moment. At given slips forces are linear in Fz and Fz in (ax, ay), which makes two
-linear equations of the accelerations. A load is at least 0: a wheel that lifts carries nothing, and what the others
+where p is the axle's share of the roll moment. At given slips forces are linear in Fz and Fz in (ax, ay), which makes
+two linear equations of the accelerations. A load is at least 0: a wheel that lifts carries nothing, and what the others
 carry is what the equations without that limit say.
 """
 

@@ -13,7 +13,7 @@ from absjax.parameters import concrete, model, parameter
 
 
 class Steering(Protocol):
-    """What a steered vehicle asks: a class made by `absjax.parameters.model`; its state is a pytree of float scalars."""
+    """What a steered vehicle asks: a class made by `absjax.parameters.model`; its state is a pytree of scalars."""
 
     def initial_state(self, speed: Any) -> Any:
         """State of driving straight ahead at `speed` [m/s]."""
@@ -90,7 +90,7 @@ class SteeringTable(_Given):
 class YawDriver:
     """A driver who steers against the yaw rate and the yaw angle, late and within what the arms can do.
 
-        lag delta' = A tanh(-(K r + Kp psi) / A) - delta
+    lag delta' = A tanh(-(K r + Kp psi) / A) - delta
     """
 
     yaw_gain: Any = parameter("K, rad per rad/s of yaw rate", default=0.25, low=0.0)

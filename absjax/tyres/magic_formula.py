@@ -39,7 +39,7 @@ class MagicFormula:
         return self.peak_value * jnp.sin(self.shape_factor * jnp.arctan(argument))
 
     def stiffness(self, slip):
-        """XBS: mu' = B C D cos(C atan(phi)) / (1 + phi^2) (1 - E + E / (1 + (B s)^2)), phi what the sine's arctan is of."""
+        """XBS: mu' = B C D cos(C atan(phi)) / (1 + phi^2) (1 - E + E / (1 + (B s)^2)), phi = B s - E (...)."""
         argument, scaled = self._argument(slip)
         outer = self.shape_factor * jnp.cos(self.shape_factor * jnp.arctan(argument)) / (1 + argument**2)
         inner = 1 - self.curvature_factor + self.curvature_factor / (1 + scaled**2)

@@ -20,8 +20,8 @@ ROLL_SHARES = np.where(TO_FRONT > 0, ROLL, 1 - ROLL)
 class ByHand:
     """A car on Burckhardt's curves `tyres` (4, 3), the front wheels turned by `angle(t)`.
 
-    Without `controller` the pressures are `pressures(t)`; with one, each wheel has its own five-phase automaton, and the
-    driver presses at `pedal_rate`.
+    Without `controller` the pressures are `pressures(t)`; with one, each wheel has its own five-phase automaton, and
+    the driver presses at `pedal_rate`.
     """
 
     def __init__(self, tyres, angle, *, pressures=None, controller=None, pedal_rate=400.0, largest=150.0):

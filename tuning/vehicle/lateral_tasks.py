@@ -44,8 +44,10 @@ def drive_log(log: VehicleLog, car: Car, out: Path) -> Report:
     result = {"log": log.name, "best": best.variant.title, "friction": best.friction, "errors": best.errors(log)}
     files = [table, write_json(out / "result.json", {**result, "notes": list(log.notes)})]
     files.append(save(figures.drive_figure(log, best), out / "driven.png"))
-    report = Report({"cars driven by the log": rows}, [*log.notes, f"best by what was measured: {best.variant.title}"], files)
-    return report._replace(files=[*files, *write_tables(report, out)])
+    report = Report(
+        {"cars driven by the log": rows}, [*log.notes, f"best by what was measured: {best.variant.title}"], files
+    )
+    return report._replace(files=[*files, *write_tables(report, out / "tables")])
 
 
 def split_mu(right: str, speed_kmh: float, out: Path) -> Report:
@@ -54,4 +56,4 @@ def split_mu(right: str, speed_kmh: float, out: Path) -> Report:
     title = f"split mu: dry asphalt left, {right.replace('_', ' ')} right, {speed_kmh:g} km/h"
     files = [save(figures.split_mu_figure(cases, title), out / "split_mu.png")]
     report = Report({title: [case.row for case in cases]}, [], files)
-    return report._replace(files=[*files, *write_tables(report, out)])
+    return report._replace(files=[*files, *write_tables(report, out / "tables")])
