@@ -14,6 +14,7 @@ import numpy as np
 
 from absjax.hybrid.rollout import rollout
 from absjax.lanes import stacked
+from absjax.plant.base import Road
 from absjax.plant.driven import DrivenCar, ScaledRoad
 from absjax.plant.four_wheel import FourWheel
 from absjax.plant.road import UniformRoad
@@ -118,7 +119,7 @@ def _rms(values) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def car_on(road: ScaledRoad, car: Car, variant: Variant) -> FourWheel:
+def car_on(road: Road, car: Car, variant: Variant) -> FourWheel:
     """The four-wheel car of a description; the inertia of its wheels has no part in the drive."""
     wheel = Wheel(radius=float(car.radius))
     base = car.to_front + car.to_rear
@@ -152,7 +153,7 @@ def _at(scale, driven: DrivenCar, start, measured, settled: int):
     """Motion at the logarithms of the scales (lanes,), the cost, and the Gauss-Newton step."""
 
     def misses(scale):
-        road = dataclasses.replace(driven.car.roads[0], scale=jnp.exp(scale))
+        road = ScaledRoad(driven.car.roads[0], jnp.exp(scale))
         moved = dataclasses.replace(driven, car=dataclasses.replace(driven.car, roads=(road,) * 4))
         motion = _driven(moved, start, measured.shape[1])
         off = jnp.stack(
@@ -183,7 +184,7 @@ def _alike(variants: tuple[Variant, ...]) -> list[list[Variant]]:
 
 def _fitted(log: VehicleLog, car: Car, variants: list[Variant]) -> list[Drive]:
     samples = log.samples
-    cars = stacked([car_on(ScaledRoad(UniformRoad(TYRES[v.tyre])), car, v) for v in variants])
+    cars = stacked([car_on(UniformRoad(TYRES[v.tyre]), car, v) for v in variants])
     driven = DrivenCar(cars, log.period, np.asarray(samples.wheel_speed), np.asarray(samples.steering_angle))
     start = jnp.array([np.mean(samples.wheel_speed[0]) * float(car.radius), samples.yaw_rate[0]])
     measured = jnp.stack([jnp.asarray(samples.yaw_rate), jnp.asarray(samples.lateral_acceleration)])

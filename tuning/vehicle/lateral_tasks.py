@@ -9,7 +9,7 @@ import pandas as pd
 from absjax.sideslip.car import Car
 from tuning.core.figures import save
 from tuning.core.files import write_json
-from tuning.core.report import Report, write_tables
+from tuning.core.report import Report
 from tuning.logs.vehicle_log import VehicleLog
 from tuning.vehicle import lateral_figures as figures
 from tuning.vehicle.drive_log import drive
@@ -44,10 +44,8 @@ def drive_log(log: VehicleLog, car: Car, out: Path) -> Report:
     result = {"log": log.name, "best": best.variant.title, "friction": best.friction, "errors": best.errors(log)}
     files = [table, write_json(out / "result.json", {**result, "notes": list(log.notes)})]
     files.append(save(figures.drive_figure(log, best), out / "driven.png"))
-    report = Report(
-        {"cars driven by the log": rows}, [*log.notes, f"best by what was measured: {best.variant.title}"], files
-    )
-    return report._replace(files=[*files, *write_tables(report, out / "tables")])
+    lines = [*log.notes, f"best by what was measured: {best.variant.title}"]
+    return Report({"cars driven by the log": rows}, lines, files)
 
 
 def split_mu(right: str, speed_kmh: float, out: Path) -> Report:
@@ -55,5 +53,4 @@ def split_mu(right: str, speed_kmh: float, out: Path) -> Report:
     cases = study(right, speed_kmh)
     title = f"split mu: dry asphalt left, {right.replace('_', ' ')} right, {speed_kmh:g} km/h"
     files = [save(figures.split_mu_figure(cases, title), out / "split_mu.png")]
-    report = Report({title: [case.row for case in cases]}, [], files)
-    return report._replace(files=[*files, *write_tables(report, out / "tables")])
+    return Report({title: [case.row for case in cases]}, [], files)

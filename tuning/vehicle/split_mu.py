@@ -73,7 +73,7 @@ def largest(values):
     At most the largest, less by about its share of log(points) / `SHARPNESS`; its gradient knows all points near it.
     """
     size = jnp.sqrt(values**2 + 1e-12)
-    top = jax.lax.stop_gradient(jnp.max(size, axis=-1, keepdims=True))
+    top = jnp.max(size, axis=-1, keepdims=True)
     weights = jax.nn.softmax(SHARPNESS * size / top, axis=-1)
     return jnp.sum(weights * size, axis=-1)
 
