@@ -19,7 +19,10 @@ FLOORS = (
     ("tuning.encoder",),
     ("tuning.sideslip",),
     ("tuning.speed",),
+    ("tuning.cars",),
     ("tuning.controllers",),
+    ("tuning.delay",),
+    ("tuning.vehicle",),
     ("tuning.cli", "tuning.__main__", "tuning"),
 )
 """From the ground up: a room imports from its own floor and those below."""

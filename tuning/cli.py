@@ -8,6 +8,7 @@ import typer
 
 from tuning.controllers import command as controllers
 from tuning.core.call import ToldCommand
+from tuning.delay import command as delay
 from tuning.encoder import command as encoder
 from tuning.logs import command as logs
 from tuning.observers import command as observers
@@ -42,6 +43,7 @@ COMMANDS = {
     "vehicle-study": vehicle.vehicle_study,
     "split-mu": vehicle.split_mu,
     "drive-log": vehicle.drive_log,
+    "delay-study": delay.delay_study,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""

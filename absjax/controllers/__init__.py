@@ -3,6 +3,8 @@
 from absjax.controllers.base import Controller
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.predictive_tracking import PredictiveTracking
+from absjax.controllers.predictive_two_phase import PredictiveTwoPhase
 from absjax.controllers.production import ProductionLogic
 from absjax.controllers.slip import SlipControl
 from absjax.controllers.stiffness import StiffnessControl
@@ -19,3 +21,9 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "production": ProductionLogic,
 }
 """By name."""
+
+PREDICTIVE: dict[str, type[Controller]] = {
+    "predictive_tracking": PredictiveTracking,
+    "predictive_two_phase": PredictiveTwoPhase,
+}
+"""By name, those over a delay of the brake: in a `absjax.loop.delayed_loop.DelayedLoop`, or a control unit."""

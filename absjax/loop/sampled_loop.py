@@ -31,7 +31,7 @@ class SampledState(NamedTuple):
 
 
 def loop_state(state: Any) -> Any:
-    """The state of the loop within that of a sampled one; that of a located one is its own."""
+    """The state of the loop within that of a sampled or delayed one; that of a located one is its own."""
     return getattr(state, "loop", state)
 
 
@@ -99,6 +99,11 @@ class SampledLoop:
         loop, following = self.loop.meet_limit(time, state.loop, mode, slot)
         return state._replace(loop=loop), following
 
+    def _advanced(self, signals, kept, mode):
+        """What the controller keeps, at this tick: one that predicts has something that goes on between switchings."""
+        advance = getattr(self.loop.controller, "advance", None)
+        return kept if advance is None else advance(signals, kept, self.loop.phase(mode))
+
     def tick(self, time, state: SampledState, mode):
         """One pass of the control unit."""
         loop, sampled = state.loop, state.sampled
@@ -111,6 +116,7 @@ class SampledLoop:
             observed = advance(self.loop.observer, loop.observer, before, sample, time - then, self.substeps)
             loop, sampled = loop._replace(observer=observed), (time, sample)
         signals = self.loop.with_estimate(signals, loop)
+        loop = loop._replace(controller=self._advanced(signals, loop.controller, mode))
         guards = self.loop.controller.guards(signals, loop.controller, self.loop.phase(mode))
         fires, slot = first_open(guards)
         switched, phase = self.loop.switch(signals, loop, mode, slot)

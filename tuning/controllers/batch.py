@@ -72,6 +72,8 @@ class Batch:
     substeps: int = 1
     max_events: int = 800
     reference: str = "ideal"
+    delay: float | None = None
+    """between a controller that predicts and the brake, s"""
 
     @property
     def rows(self) -> int:
@@ -93,8 +95,9 @@ class Batch:
     def stops_of_lanes(self, own: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
         """The same of parameters (rows * sets,), each lane's own."""
         loop = loop_of_lanes(self.loop, own, self.rows)
-        told = self.sensor, self.estimator, self.accelerometer
-        system = in_control_unit(loop, ticks, self.substeps, *told) if ticks else loop
+        period = ticks * (step or self.step)
+        told = self.sensor, self.estimator, self.accelerometer, self.delay
+        system = in_control_unit(loop, ticks, self.substeps, period, *told) if ticks else loop
         return stop(system, **self._how(own, step))
 
     def growths(self, parameters: Mapping[str, Any]):
@@ -210,4 +213,5 @@ def batch_of(setup: Setup) -> Batch:
         substeps=setup.substeps(),
         max_events=config.max_events,
         reference=config.reference,
+        delay=config.delay,
     )

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field
 
-from absjax.controllers import CONTROLLERS
+from absjax.controllers import CONTROLLERS, PREDICTIVE
 from absjax.controllers.base import Controller
 from absjax.observers import OBSERVERS
 from absjax.observers.base import Design
@@ -15,6 +15,7 @@ from absjax.plant import PLANTS
 from absjax.plant.base import Plant
 from absjax.sensors import SENSORS
 from absjax.sensors.base import Sensor
+from tuning.cars.entry import VehicleEntry
 from tuning.controllers.legacy import updated
 from tuning.controllers.published import ROADS, SPEEDS_KMH
 from tuning.core.components import component
@@ -32,7 +33,6 @@ from tuning.core.config import (
 from tuning.core.fit import SearchConfig
 from tuning.core.objective import Name
 from tuning.core.roads import RoadEntry, changes_along, speeds_of
-from tuning.vehicle.entry import VehicleEntry
 
 FASTEST_KMH = 500.0
 Speeds = Annotated[tuple[Positive, ...], Field(min_length=1, max_length=LONGEST)]
@@ -47,7 +47,8 @@ class TuningConfig(SearchConfig):
     """What to tune, over what, under which limits. JSON keys are the names of the fields, and those of `SearchConfig`.
 
     Attributes:
-        controller: name of the controller, in `absjax.controllers.CONTROLLERS`, or `package.module:Class`.
+        controller: name of the controller, in `absjax.controllers.CONTROLLERS` or `PREDICTIVE`, or
+            `package.module:Class`.
         observer: name of the observer that tells it XBS, in `absjax.observers.OBSERVERS`, or as above; None tells it
             the true one.
         observer_parameters: of that observer; the default ones where not given.
@@ -55,11 +56,12 @@ class TuningConfig(SearchConfig):
         speeds_kmh: initial speeds [km/h].
         plant: what is braked, in `absjax.plant.PLANTS`, or as above; plant_parameters: its further fields.
         wheel: fields of `absjax.plant.wheel.Wheel`.
-        vehicle: a whole vehicle instead of plant and wheel, see `tuning.vehicle.entry.VehicleEntry`. With sets of their
+        vehicle: a whole vehicle instead of plant and wheel, see `tuning.cars.entry.VehicleEntry`. With sets of their
             own the parameters are called front.eps0, rear.eps0 and so on. Its limit cycles are not looked for.
         sensor: what the sampled control unit measures with, in `absjax.sensors.SENSORS`, or as above; None measures
             without error. sensor_parameters: its fields.
-        rate_limit: of the actuator [bar/s]; None for none. `lag` [s] and `delay` [s] likewise.
+        rate_limit: of the actuator [bar/s]; None for none. `lag` [s] and `delay` [s] likewise: an approximant of the
+            delay, or the delay itself between a controller that predicts and the brake.
         pedal_rate, foot_delay, driver_pressure: the driver: pressure rate [bar/s], time before the foot presses [s] and
             largest pressure [bar]. Given, never tuned.
         pedal_strength: where given, every road and speed is braked a second time under this over the initial speed
@@ -148,6 +150,12 @@ class TuningConfig(SearchConfig):
                 self.reference == "ideal",
                 "'ideal': distances of vehicles are not published",
             )
+        if self.predicts:
+            require("delay", self.delay, self.delay is not None, f"given: {self.controller} predicts over it")
+            step = self.step or kind.grid_step
+            require("delay", self.delay, (self.delay or 0.0) >= step, f"no shorter than the grid step of {step:g} s")
+            require("largest_contraction", largest, largest is None, "null: a cycle through a delay has no return map")
+            require("vehicle", "given", self.vehicle is None, f"null: {self.controller} predicts for one wheel")
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
@@ -166,7 +174,12 @@ class TuningConfig(SearchConfig):
     @property
     def kind(self) -> type[Controller]:
         """Class of the controller to tune."""
-        return component("controller", self.controller, CONTROLLERS, Controller)
+        return component("controller", self.controller, {**CONTROLLERS, **PREDICTIVE}, Controller)
+
+    @property
+    def predicts(self) -> bool:
+        """Whether the controller predicts over a delay of the brake."""
+        return hasattr(self.kind, "remembering")
 
     @property
     def design(self) -> type[Design] | None:

@@ -2,7 +2,8 @@
 
 All cars brake under the same driver, 400 bar/s up to 150 bar, through actuators with a rate limit of 750 bar/s and a
 lag of 5 ms; the ideal is that of the car under the pedal (`absjax.loop.vehicle_ideal`). The settings: switchings
-located, told the truth; sampled every millisecond, told the truth; sampled, told a speed that a Kalman filter estimates from all
+located, told the truth; sampled every millisecond, told the truth; sampled, told a speed that a Kalman filter estimates
+from all
 wheels and an accelerometer with a bias.
 """
 

@@ -7,12 +7,12 @@ from typing import Any
 from absjax.controllers.five_phase import FivePhase
 from absjax.speed import KalmanSpeed
 from absjax.speed.base import SpeedEstimator
+from tuning.cars.entry import of_axle
 from tuning.controllers.published import ROADS, SPEEDS_KMH
 from tuning.core.figures import save
 from tuning.core.report import Report
 from tuning.vehicle import figures
 from tuning.vehicle.distances import car_sets, distances
-from tuning.vehicle.entry import of_axle
 from tuning.vehicle.scenario import Ride, figures_of, ride, scenario_loop
 
 TRUSTING = {"below": 50.0, "above": 50.0, "deviation": 500.0}

@@ -16,9 +16,9 @@ from absjax.plant.vehicle import Vehicle
 from absjax.speed import SPEED_ESTIMATORS
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
+from tuning.cars.car import MODELS, CarFigures, car_entry
 from tuning.core.components import built, component
 from tuning.core.config import ConfigError, Entries, Flag, NonNegative, Real, Text, Values, choice, config
-from tuning.vehicle.cars import MODELS, CarFigures, car_entry
 
 WIRINGS: dict[str, dict[int, tuple[tuple[int, ...], ...]]] = {
     "independent": {2: ((0,), (1,)), 4: ((0,), (1,), (2,), (3,))},
@@ -35,8 +35,8 @@ class VehicleEntry(Entries):
     """A vehicle under anti-lock controllers.
 
     Attributes:
-        car: name of a shipped car, or its figures (`tuning.vehicle.cars.CarFigures`).
-        model: of `tuning.vehicle.cars.MODELS`.
+        car: name of a shipped car, or its figures (`tuning.cars.car.CarFigures`).
+        model: of `tuning.cars.car.MODELS`.
         laden: whether it is.
         wiring: of `WIRINGS`; select-low goes by the worse wheel of an axle.
         sets: of `SETS`.
