@@ -41,6 +41,8 @@ COMMANDS = {
     "side-slip-study": sideslip.side_slip_study,
     "speed-study": speed.speed_study,
     "vehicle-study": vehicle.vehicle_study,
+    "split-mu": vehicle.split_mu,
+    "drive-log": vehicle.drive_log,
     "delay-study": delay.delay_study,
     "demo": controllers.demo,
 }

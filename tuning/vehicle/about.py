@@ -19,3 +19,24 @@ VEHICLE_STUDY = About(
         "stiffness.png": "XBS and its estimate in front and behind.",
     },
 )
+DRIVE_LOG = About(
+    "A car driven by a log",
+    "The four-wheel car is driven by the wheel speeds and the steering of a log. One number is fitted to what was "
+    "measured, yaw rate and lateral acceleration: the friction over that of the tyre's curve. The truth of the log is "
+    "for judging only.",
+    {
+        "cars driven": "Each car with the friction that fits, its misfit to the measurements, and its errors from 1 s "
+        "on against the truth.",
+        "driven.png": "Motion of the car that fits the measurements best, against the truth or what was measured.",
+    },
+)
+SPLIT_MU = About(
+    "Braking on split friction",
+    "A four-wheel car brakes hard with the left wheels on dry asphalt and the right ones on less. Each wheel has its "
+    "own channel, or both wheels of an axle go by the one that turns slower; the steering wheel is held, or a driver "
+    "steers against the yaw.",
+    {
+        "split mu": "From the pedal to the stop speed; yaw rate and side-slip are the largest on the way.",
+        "split_mu.png": "Yaw rate and side-slip over time, and what distance is paid for less of them.",
+    },
+)
