@@ -8,7 +8,8 @@ Every iteration takes one Runge-Kutta step per lane, of a size that depends on w
   keeps its place, and the step is corrected by -g / g'. A landing that misses by more than `LANDING_TOLERANCE` grid
   steps is tried again. The first time g' is the rate of the guard along the flow; from then on it is the slope of the
   secant: where the flow is stiff, the guard at the end of a Runge-Kutta step of growing size rises at another rate.
-* CROSSING: over the corrected step, which ends on the guard, and the jump.
+* CROSSING: over the corrected step, which ends on the guard, and the jump. A guard that a jump has left at zero and
+  that rises is crossed as well, in a step of size 0: one that another channel has reached in the same instant.
 * TOUCHING: the same for a guard that only grazes zero.
 * IMMEDIATE: the jump alone, of a guard that is open on entering a mode.
 
@@ -183,6 +184,12 @@ def _left_behind(grid: Grid, lanes: Lanes, here: Local, i: int):
     return (lanes.doing >= CROSSING) & (lanes.slot == i) & (rate < 0) & at_zero
 
 
+def _arrived_at(grid: Grid, lanes: Lanes, here: Local, slot):
+    """Whether the guard of `slot` stands at zero after a jump, but for rounding, and rises: its instant is its own."""
+    guard, rate = pick(slot, here.guards), pick(slot, here.rates)
+    return (lanes.doing >= CROSSING) & (rate > 0) & (guard <= LANDING_TOLERANCE * grid.step * rate)
+
+
 def _decide(grid: Grid, lanes: Lanes, held, there: Local, here: Local, step) -> Decision:
     """The decision when some lane of the tile may have crossed, lands, or jumps."""
     normal = lanes.doing == NORMAL
@@ -210,13 +217,14 @@ def _decide(grid: Grid, lanes: Lanes, held, there: Local, here: Local, step) -> 
     landed = jnp.where(sound, jnp.where(again, lanes.doing + 1, CROSSING), TOUCHING)
     opened_by = (jnp.where(_left_behind(grid, lanes, here, i), -1.0, g) for i, g in enumerate(here.guards))
     opened, open_slot = first_open(tuple(opened_by))
-    doing = jnp.where(trying, landed, jnp.where(opened, IMMEDIATE, NORMAL))
+    at_once = opened & _arrived_at(grid, lanes, here, open_slot)
+    doing = jnp.where(trying, landed, jnp.where(at_once, CROSSING, jnp.where(opened, IMMEDIATE, NORMAL)))
     slot = jnp.where(trying, lanes.slot, open_slot)
     return Decision(
         kept=held | rejected | trying,
         doing=jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), doing).astype(jnp.int32),
         slot=jnp.where(rejected, target, slot).astype(jnp.int32),
-        landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, lanes.landing)),
+        landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, 0.0)),
         missed=jnp.where(trying, miss, lanes.missed_before),
         grazed=jnp.where(rejected, grazing, trying & ~sound),
     )
