@@ -42,7 +42,7 @@ def run_of(config, out: Path, title: str) -> Any:
 
     def run(progress, journal):
         from tuning.controllers.figures import tuning_figures
-        from tuning.controllers.report import cycles_line, parameter_line, tuning_rows
+        from tuning.controllers.report import cycles_line, parameter_line, split_rows, tuning_rows
         from tuning.controllers.tune import tune_abs
         from tuning.core.files import write_json
         from tuning.core.report import Report
@@ -53,6 +53,10 @@ def run_of(config, out: Path, title: str) -> Any:
         lines += [f"warning: {warning}" for warning in result.warnings]
         files = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
         tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}
+        if result.splits:
+            tables[
+                f"{title}: scattered conditions, {config.setting}, a tick every {1e3 * config.sampled_period:g} ms"
+            ] = split_rows(result)
         return Report(tables, lines, files, result.interrupted)
 
     return run
