@@ -95,9 +95,9 @@ class TuningConfig(SearchConfig):
         max_events: switchings a stop may make.
         sampled_period: period at which guards are tested when the result is re-scored, and of a setting [s].
         setting: what is tuned for. 'located': switchings located, told the truth, roads as they are. 'sampled':
-            a control unit that ticks every `sampled_period` in scattered conditions (`tuning.controllers.scatter`), told
-            the truth but for noise and radius, or what `sensor` tells; 'chain': the same, told by an encoder's edges.
-        chain: 'edges': a window of 12 ms, the encoder's errors taken off through the edges; 'window': the last 12 edges.
+            a control unit that ticks every `sampled_period` in scattered conditions (`tuning.controllers.scatter`),
+            told the truth but for noise and radius, or what `sensor` tells; 'chain': the same, told by an encoder.
+        chain: 'edges': a window of 12 ms, the encoder's errors taken off through the edges; 'window': the last 12.
         draws: of every row, in training; checked: in validation and test each, for a setting other than 'located'.
         scatter: how much conditions scatter, by name of `tuning.controllers.scatter.Scatter`.
         smoothing: standard deviation of the scatter of points a slope is fitted over, on the scales of the box.

@@ -32,8 +32,8 @@ from tuning.encoder.chains import edge_chain, measured_chain
 
 Split = Literal["training", "validation", "test"]
 SPLITS: tuple[Split, ...] = ("training", "validation", "test")
-ROLLING = 400
-"""Samples of free rolling before the pedal: enough for the window and the harmonics of most encoders."""
+ROLLING = 2000
+"""Samples of free rolling before the pedal: by then the harmonics of the encoder are learned."""
 TEETH, EVENTS, HARMONICS, MEMORY = 60, 12, 12, 0.012
 """Of the chain; the memory in s."""
 RIPPLE = {"edges": 0.05, "window": 0.5}
