@@ -1,4 +1,4 @@
-"""`tune-abs`, `abs-sets`, `abs-study`, `demo`: controllers tuned, made anew, and studied."""
+"""`tune-abs`, `abs-sets`, `abs-study`, `gradient-study`, `demo`: controllers tuned, made anew, and studied."""
 
 import time
 from pathlib import Path
@@ -106,6 +106,22 @@ def abs_study(
         from tuning.controllers.study.tasks import run_study
 
         return (), lambda: run_study(out, stops)
+
+    carry_out(out, work, force=force)
+
+
+def gradient_study(
+    out: Out,
+    pairs: Annotated[int, typer.Option(min=32, help="Pairs of lanes: phases of the clock, and initial speeds.")] = 2048,
+    roads: Annotated[str | None, typer.Option(help="Roads, comma-separated; the published five if missing.")] = None,
+    force: Force = False,
+) -> None:
+    """The slope of the mean stop under a control unit's clock, three ways; the stand-in of an encoder's chain."""
+
+    def work():
+        from tuning.controllers.study.tasks import run_gradients
+
+        return (), lambda: run_gradients(out, pairs, None if roads is None else tuple(roads.split(",")))
 
     carry_out(out, work, force=force)
 
