@@ -96,6 +96,6 @@ def figure(rows: list[dict[str, Any]]):
         panel.plot(speed, [row[f"stand-in: {what}"] for row in rows], "k--", label="stand-in")
         panel.set(xlabel="wheel speed [rad/s]", ylabel=what)
         panel.legend()
-    axes[0].set_yscale("log")
+    axes[0].set_ylim(0.0)
     axes[1].set_ylim(0.0, 1.1)
     return drawn
