@@ -43,8 +43,8 @@ class DelayedSensor:
     teeth: Any = parameter("N", default=60.0, low=3.0)
     events: Any = parameter("n, edges of the window", default=12.0, low=4.0)
     memory: Any = parameter("age beyond which an edge is not used, s", default=10.0, low=0.0, open_low=True)
-    ripple: Any = parameter("error of w' that is left, as a share of w^2", default=0.0, low=0.0)
-    harmonic: Any = parameter("k, of the error", default=6.0, low=1.0)
+    left: Any = parameter("sigma, what is left of the edges' errors, encoder cycles", default=0.0, low=0.0)
+    harmonic: Any = parameter("k, of the error", default=18.0, low=1.0)
     phase: Any = parameter("of the error, rad", default=0.0)
 
     @property
@@ -52,11 +52,20 @@ class DelayedSensor:
         """None: it is for any pace."""
         return None
 
+    def window(self, wheel_speed):
+        """Teeth that the window spans, and the time from one to the next [s], at a wheel speed [rad/s]."""
+        tooth = 2 * np.pi / self.teeth / jnp.maximum(wheel_speed, SLOWEST)
+        return jnp.maximum(jnp.minimum(self.events - 1, self.memory / tooth), 3.0), tooth
+
     def delay(self, wheel_speed):
         """By which w' is told late [s], at a wheel speed [rad/s]."""
-        tooth = 2 * np.pi / self.teeth / jnp.maximum(wheel_speed, SLOWEST)
-        window = jnp.maximum(jnp.minimum((self.events - 1) * tooth, self.memory), 3 * tooth)
-        return 0.5 * (window + tooth)
+        spanned, tooth = self.window(wheel_speed)
+        return 0.5 * (spanned + 1) * tooth
+
+    def error(self, wheel_speed):
+        """Effective value of the error of w' [rad/s^2]."""
+        spanned, tooth = self.window(wheel_speed)
+        return self.left * 2 * np.pi / self.teeth * np.sqrt(720.0) / (tooth**2 * (spanned + 1) ** 2.5)
 
     def begin(self, signals: Signals) -> tuple[Signals, Delayed]:
         """The signals as measured, the wheel having turned as it does now."""
@@ -76,7 +85,8 @@ class DelayedSensor:
         for i in range(LAGS):
             ahead = 0.5 * (state.told[i] + told[i])
             told.append(state.told[i + 1] + follows * (ahead - state.told[i + 1]))
-        error = self.ripple * signals.wheel_speed**2 * jnp.sin(self.harmonic * state.angle + self.phase)
+        ripple = jnp.sin(self.harmonic * state.angle + self.phase)
+        error = np.sqrt(2.0) * self.error(signals.wheel_speed) * ripple
         offset = signals.radius * (told[-1] + error) - signals.vehicle_acceleration
         return signals._replace(acceleration_offset=offset), Delayed(tuple(told), signals.time, state.angle)
 

@@ -100,3 +100,11 @@ def test_stand_in_lags_a_ramp_by_its_delay():
     assert float(sensor.delay(speed)) == pytest.approx(0.5 * (min(11 * tooth, 0.012) + tooth))
     assert lag == pytest.approx(float(sensor.delay(speed)), rel=0.03)
     assert float(sensor.delay(10.0)) == pytest.approx(0.5 * 4 * 2 * np.pi / 60 / 10.0)
+
+
+def test_error_of_the_stand_in_is_that_of_a_parabola():
+    rng, sensor, speed = np.random.default_rng(0), DelayedSensor(events=12.0, left=0.003), 60.0
+    pitch = 2 * np.pi / 60
+    times = np.arange(12) * pitch / speed
+    found = [2 * np.polyfit(times, 0.003 * pitch * rng.normal(size=12), 2)[0] for _ in range(4000)]
+    assert float(sensor.error(speed)) == pytest.approx(np.std(found), rel=0.05)

@@ -31,13 +31,15 @@ from tuning.core.roads import stacked
 from tuning.encoder.chains import edge_chain, measured_chain
 
 Split = Literal["training", "validation", "test"]
+LARGEST_SEED = 2**31
 SPLITS: tuple[Split, ...] = ("training", "validation", "test")
 ROLLING = 2000
 """Samples of free rolling before the pedal: by then the harmonics of the encoder are learned."""
 TEETH, EVENTS, HARMONICS, MEMORY = 60, 12, 12, 0.012
 """Of the chain; the memory in s."""
-RIPPLE = {"edges": 0.05, "window": 0.5}
-"""Error of w' left by a chain, as a share of w^2, for each encoder cycle by which edges are off."""
+LEFT = {"edges": 0.45, "window": 0.58}
+"""Standard deviation of an edge's error behind a chain, over the tolerance: uniform within it, 1 / sqrt(3), of which
+compensation through the edges takes off the lowest 12 of 30 harmonics."""
 
 
 def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
@@ -83,7 +85,7 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     loop = dataclasses.replace(loop, plant=plant, brake=brake, driver=driver)
     slowest = max(v / (GRAVITY * float(m)) for v, m in zip(speed, np.asarray(tyre.peak().friction)))
     horizon = SAFETY_HORIZON * slowest + 1.0
-    seeds = rng.integers(2**31, size=count)
+    seeds = rng.integers(LARGEST_SEED, size=count)
     noise = rng.uniform(0.0, scatter.noise, count)
     return Batch(
         loop=loop,
@@ -107,9 +109,9 @@ def _sensor(config: TuningConfig, setup: Setup, seeds, noise, scatter: Scatter, 
         return NoisySensor(noise, float(setup.wheel.radius), seeds)
     memory = MEMORY if config.chain == "edges" else None
     if stand_in:
-        ripple = RIPPLE[config.chain] * scatter.tolerance
+        left = LEFT[config.chain] * scatter.tolerance
         kept = {} if memory is None else {"memory": memory}
-        return DelayedSensor(float(TEETH), float(EVENTS), ripple=ripple, phase=seeds * 1e-3, **kept)
+        return DelayedSensor(float(TEETH), float(EVENTS), left=left, phase=2 * np.pi * seeds / LARGEST_SEED, **kept)
     encoder = Encoder.random([int(seed) for seed in seeds], TEETH, scatter.tolerance)
     fastest = 1.2 * max(row.speed for row in rows_of(config)) / float(setup.wheel.radius)
     capacity = capacity_for(fastest * config.sampled_period / encoder.pitch)
