@@ -19,8 +19,9 @@ CONFIG = TuningConfig(
     stop_speed_kmh=15.0,
     draws=16,
     checked=2,
-    start={"eps1": 22.0, "eps2": 60.0, "u1": 25000.0, "u3": 3000.0},
+    start={"eps1": 22.0, "eps2": 60.0, "u1": 25000.0, "u3": 3000.0, "u4": 400.0},
     tune=("eps1", "eps5", "u4"),
+    smoothing=0.05,
 )
 
 
@@ -34,7 +35,7 @@ def test_a_step_down_the_slope_is_shorter_in_the_mean(problem):
     costs, slope = (np.asarray(x) for x in problem.costs_and_gradients(start, None))
     before, after = problem.judge(np.concatenate([start, start - 0.1 * slope / np.linalg.norm(slope)]))
     assert costs[0] == pytest.approx(before, abs=0.01)
-    assert after < before - 0.2 * 0.1 * np.linalg.norm(slope)
+    assert after < before - 0.3 * 0.1 * np.linalg.norm(slope)
 
 
 def test_a_set_that_breaks_a_limit_is_worse_than_any_other(problem):

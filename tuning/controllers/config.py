@@ -138,7 +138,7 @@ class TuningConfig(SearchConfig):
     draws: Count = 8
     checked: Count = 8
     scatter: Values = dataclasses.field(default_factory=dict)
-    smoothing: Positive = 0.012
+    smoothing: Positive = 0.03
 
     def __post_init__(self):
         super().__post_init__()
