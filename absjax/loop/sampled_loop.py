@@ -38,6 +38,12 @@ def loop_state(state: Any) -> LoopState:
     return state.loop if isinstance(state, SampledState) else state
 
 
+def loop_time(time, state: Any):
+    """The time of a state [s]; that of a ticking loop has moved with its clock, in its derivative."""
+    moved = isinstance(state, SampledState) and state.clock is not None
+    return time + state.clock.shift if moved else time
+
+
 @model
 class SampledLoop:
     """The same loop with the controller in an electronic control unit.

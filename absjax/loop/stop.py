@@ -10,7 +10,7 @@ import numpy as np
 from absjax._numerics import safe_divide
 from absjax.hybrid.rollout import Rollout, Status, rollout
 from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.sampled_loop import SampledLoop, loop_state
+from absjax.loop.sampled_loop import SampledLoop, loop_state, loop_time
 from absjax.parameters import concrete
 from absjax.plant.wheel import GRAVITY
 from absjax.results import UNDEFINED, EndCode, raise_if_failed
@@ -131,9 +131,10 @@ def stop(
 def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
     state = loop_state(result.state)
     memory, plant = state.memory, state.plant
-    end_speed = loop.plant.speed_of(result.time, plant)
-    locks = loop.locks(result.time, state, result.mode)
-    active = result.time - memory.onset_time
+    time = loop_time(result.time, result.state)
+    end_speed = loop.plant.speed_of(time, plant)
+    locks = loop.locks(time, state, result.mode)
+    active = time - memory.onset_time
     mean_friction = safe_divide(memory.onset_speed - end_speed, GRAVITY * active, active > 0)
     outcome = jnp.select(
         [
@@ -152,12 +153,12 @@ def _assess(loop: ClosedLoop, speed, result: Rollout) -> Stop:
         ],
         Outcome.BUDGET_EXHAUSTED,
     )
-    longest = jnp.maximum(memory.longest_cycle, result.time - jnp.maximum(memory.cycle_time, memory.pedal_time))
+    longest = jnp.maximum(memory.longest_cycle, time - jnp.maximum(memory.cycle_time, memory.pedal_time))
     if loop.controller.cycle_phase is None:
         longest = 0.0 * longest
     return Stop(
-        distance=loop.plant.position(result.time, plant) - memory.pedal_position,
-        duration=result.time - memory.pedal_time,
+        distance=loop.plant.position(time, plant) - memory.pedal_position,
+        duration=time - memory.pedal_time,
         mean_friction=mean_friction,
         published_quantity=safe_divide(speed**2, 2 * GRAVITY * mean_friction, mean_friction > 0, jnp.inf),
         onset_time=jnp.maximum(memory.onset_time - memory.pedal_time, 0.0),
