@@ -31,6 +31,7 @@ COMMANDS = {
     "tune-abs": controllers.tune_abs,
     "abs-sets": controllers.abs_sets,
     "abs-study": controllers.abs_study,
+    "gradient-study": controllers.gradient_study,
     "tune-observer": observers.tune_observer,
     "observer-study": observers.observer_study,
     "encoder": encoder.encoder,

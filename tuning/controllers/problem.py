@@ -81,7 +81,7 @@ def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objectiv
     points = jnp.asarray(points)
     lanes = jnp.tile(points, (batch.rows, 1))
     losses, pull = jax.vjp(lambda x: batch.losses(batch.stops_of_lanes(box.values(x))), lanes)
-    own = _bounded(pull(jnp.ones_like(losses))[0]).reshape(batch.rows, *points.shape)
+    own = bounded(pull(jnp.ones_like(losses))[0]).reshape(batch.rows, *points.shape)
     costs, weigh = jax.vjp(lambda losses: objective.costs(losses, smooth=True), losses)
     gradients = jnp.einsum("rs,rsp->sp", weigh(jnp.ones_like(costs))[0], own)
     if rigs is not None:
@@ -94,7 +94,7 @@ def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objectiv
     return costs, gradients
 
 
-def _bounded(gradients):
+def bounded(gradients):
     """Gradients (lanes, parameters), none longer than `LARGEST_GRADIENT`; one that has overflowed counts as none."""
     finite = jnp.all(jnp.isfinite(gradients), axis=1, keepdims=True)
     gradients = jnp.where(finite, gradients, 0.0)
