@@ -123,7 +123,7 @@ class Tile:
         """Magnitudes below which a state counts as that large."""
         if not hasattr(self.system, "scales"):
             return jax.tree.map(lambda _: 0.0, state)
-        return self._over(lambda s, x: s.scales(x), state)
+        return self._of_all("scales", state)
 
     def ticking(self, lanes: Lanes):
         return (lanes.doing == NORMAL) & ((lanes.index + 1) % self.system.tick_every == 0)

@@ -40,8 +40,8 @@ def loop_state(state: Any) -> Any:
 
 def loop_time(time, state: Any):
     """The time of a state [s]; that of a ticking loop has moved with its clock, in its derivative."""
-    moved = isinstance(state, SampledState) and state.clock is not None
-    return time + state.clock.shift if moved else time
+    clock = getattr(state, "clock", None)
+    return time if clock is None else time + clock.shift
 
 
 @model

@@ -108,7 +108,7 @@ class TuningConfig(SearchConfig):
             told the truth but for noise and radius, or what `sensor` tells; 'chain': the same, told by an encoder.
         chain: 'edges': a window of 12 ms, the encoder's errors taken off through the edges; 'window': the last 12.
         draws: of every row, in training; checked: in validation and test each, for a setting other than 'located'.
-        scatter: how much conditions scatter, by name of `tuning.controllers.scatter.Scatter`.
+        conditions: how much they scatter, by name of `tuning.controllers.scatter.Scatter`.
         smoothing: standard deviation of the scatter of points a slope is fitted over, on the scales of the box.
     """
 
@@ -147,7 +147,7 @@ class TuningConfig(SearchConfig):
     chain: Literal["edges", "window"] = "edges"
     draws: Count = 8
     checked: Count = 8
-    scatter: Values = dataclasses.field(default_factory=dict)
+    conditions: Values = dataclasses.field(default_factory=dict)
     smoothing: Positive = 0.03
 
     def __post_init__(self):
@@ -188,9 +188,9 @@ class TuningConfig(SearchConfig):
             require("delay", self.delay, (self.delay or 0.0) >= step, f"no shorter than the grid step of {step:g} s")
             require("largest_contraction", largest, largest is None, "null: a cycle through a delay has no return map")
             require("vehicle", "given", self.vehicle is None, f"null: {self.controller} predicts for one wheel")
-        for name, value in self.scatter.items():
-            choice("scatter", name, Scatter._fields)
-            require(f"scatter.{name}", value, 0 <= value <= 1 or name == "noise", "between 0 and 1")
+        for name, value in self.conditions.items():
+            choice("conditions", name, Scatter._fields)
+            require(f"conditions.{name}", value, 0 <= value <= 1 or name == "noise", "between 0 and 1")
         if self.setting != "located":
             require("vehicle", "given", self.vehicle is None, "null: of a vehicle only 'located' is descended on")
             require(

@@ -51,7 +51,7 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     Raises:
         ConfigError: if a road changes: only uniform ones are scattered.
     """
-    scatter = Scatter(**setup.config.scatter)
+    scatter = Scatter(**setup.config.conditions)
     draws = setup.config.draws if split == "training" else setup.config.checked
     config, rows = setup.config, rows_of(setup.config)
     rng = np.random.default_rng((config.seed, SPLITS.index(split)))
