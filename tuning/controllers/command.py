@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tuning.controllers.about import ABS_SETS, ABS_STUDY, DEMO, TUNE_ABS
+from tuning.controllers.about import ABS_SETS, ABS_STUDY, DEMO, GRADIENT_STUDY, TUNE_ABS
 from tuning.core.command import Force, Out, Resume, carry_out, journal_path, tune, tuned
 from tuning.core.terminal import bar, console
 
@@ -124,7 +124,7 @@ def gradient_study(
 
         return (), lambda: run_gradients(out, pairs, None if roads is None else tuple(roads.split(",")))
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=GRADIENT_STUDY, force=force)
 
 
 def demo(out: Out = Path("demo"), force: Force = False) -> None:

@@ -5,6 +5,7 @@ from typing import Annotated
 import typer
 
 from tuning.core.command import Force, Out, carry_out
+from tuning.delay.about import DELAY_STUDY
 
 
 def delay_study(
@@ -19,4 +20,4 @@ def delay_study(
 
         return (), lambda: study(out, retune)
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=DELAY_STUDY, force=force)
