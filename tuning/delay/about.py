@@ -4,8 +4,8 @@ from tuning.core.about import About
 
 DELAY_STUDY = About(
     "A delay of the brake: prediction, and how much delay loops bear",
-    "A command takes time to reach the brake. A controller that predicts across that time acts as if there were none, as "
-    "long as it knows the delay. Margins say how much delay a loop bears before it is unstable.",
+    "A command takes time to reach the brake. A controller that predicts across that time acts as if there were none, "
+    "as long as it knows the delay. Margins say how much delay a loop bears before it is unstable.",
     {
         "pendulum.png": "Error of the pendulum under a square wave, without delay, with it, and with prediction.",
         "roots.png": "Rightmost roots of the closed loops over the delay; above zero is unstable.",
