@@ -23,6 +23,8 @@ from tuning.delay.margins import RATIO, SLOPES
 
 BREACH = 30.0
 """Charge for a margin that is short of its limit, on the square of the share by which it is."""
+ROOM = 0.02
+"""Share of the limit by which a margin has to exceed it before nothing is charged: the charge begins gently."""
 DAMPING_WEIGHT = 0.3
 """What the logarithm of the damping counts against that of the gain."""
 SPEEDS = (10.0, 20.0, 30.0, 40.0, 50.0)
@@ -97,7 +99,7 @@ class LoopGains(_Smooth):
         """The less the quicker."""
         values = self.box.values(point)
         margins = self.margins(values["gain"], values["zd"])
-        short = jnp.maximum(1 - margins / self.least, 0.0)
+        short = jnp.maximum(1 + ROOM - margins / self.least, 0.0)
         return -jnp.log(values["gain"]) - DAMPING_WEIGHT * jnp.log(values["zd"]) + BREACH * jnp.sum(short**2)
 
 
