@@ -16,6 +16,7 @@ from tuning.road import command as road
 from tuning.sideslip import command as sideslip
 from tuning.speed import command as speed
 from tuning.vehicle import command as vehicle
+from tuning.vehicle.regulation import command as screening
 
 # Without markup: help and errors show units and names in brackets as they are.
 app = typer.Typer(
@@ -45,6 +46,7 @@ COMMANDS = {
     "split-mu": vehicle.split_mu,
     "drive-log": vehicle.drive_log,
     "delay-study": delay.delay_study,
+    "regulation": screening.regulation,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""

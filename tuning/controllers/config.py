@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import BeforeValidator, Field
 
-from absjax.controllers import CONTROLLERS, PREDICTIVE
+from absjax.controllers import BASELINES, CONTROLLERS, PREDICTIVE
 from absjax.controllers.base import Controller
 from absjax.observers import OBSERVERS
 from absjax.observers.base import Design
@@ -215,7 +215,7 @@ class TuningConfig(SearchConfig):
     @property
     def kind(self) -> type[Controller]:
         """Class of the controller to tune."""
-        return component("controller", self.controller, {**CONTROLLERS, **PREDICTIVE}, Controller)
+        return component("controller", self.controller, {**CONTROLLERS, **BASELINES, **PREDICTIVE}, Controller)
 
     @property
     def predicts(self) -> bool:
