@@ -96,3 +96,11 @@ def repeated(model: Any, times: int) -> Any:
     return jax.tree.map(
         lambda leaf, axis: leaf if axis < 0 else jnp.repeat(leaf, times, axis=0), model, lane_axes(model)
     )
+
+
+def of_each_lane(function: Callable, model: Any, *arguments: Any) -> Any:
+    """The same where lanes may be the model's alone: arguments that are scalars are then shared by all of them."""
+    lanes = lane_count(arguments, "arguments", lane_count(model, "model"))
+    if lanes is not None:
+        arguments = tuple(jnp.broadcast_to(x, (lanes,)) for x in arguments)
+    return each_lane(function, model, *arguments)

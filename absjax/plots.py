@@ -45,7 +45,7 @@ def stop_panels(axes, loop: ClosedLoop | VehicleLoop, trajectory: Trajectory, la
     valid = np.asarray(trajectory.valid)
     path = jax.tree.map(lambda leaf: np.asarray(leaf)[valid], trajectory)
     state = loop_state(path.state)
-    measured = jax.vmap(loop.measured)(path.time, state, path.mode)
+    measured: Any = jax.vmap(loop.measured)(path.time, state, path.mode)
     speeds, slip, pressure, phase = axes
     if isinstance(loop, VehicleLoop):
         wheels, names, phases = measured, loop.vehicle.places, loop.phases(path.mode)

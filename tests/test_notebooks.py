@@ -17,6 +17,8 @@ def test_there_are_notebooks():
         "limit_cycles_and_distances",
         "edges_to_wheel_speed",
         "side_slip",
+        "input_delay",
+        "whole_vehicles",
     }
 
 

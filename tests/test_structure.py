@@ -19,9 +19,10 @@ FLOORS = (
     ("tuning.encoder",),
     ("tuning.sideslip",),
     ("tuning.speed",),
-    ("tuning.vehicle",),
+    ("tuning.cars", "tuning.vehicle.regulation"),
     ("tuning.controllers",),
-    ("tuning.vehicle.regulation.tasks", "tuning.vehicle.regulation.command"),
+    ("tuning.delay",),
+    ("tuning.vehicle", "tuning.vehicle.regulation.tasks", "tuning.vehicle.regulation.command"),
     ("tuning.cli", "tuning.__main__", "tuning"),
 )
 """From the ground up: a room imports from its own floor and those below."""
@@ -82,7 +83,7 @@ def test_no_circles():
 
 def test_the_models_need_jax_and_numpy_only():
     """SciPy comes with JAX."""
-    blocked = ["optax", "matplotlib", "pandas", "rich", "typer", "pydantic", "cmaes", "pint"]
+    blocked = ["optax", "matplotlib", "pandas", "rich", "typer", "pydantic", "cmaes", "pint", "jinja2"]
     modules = [module_of(path) for path in SOURCES if module_of(path).startswith("absjax")]
     code = f"import sys\nfor name in {blocked}: sys.modules[name] = None\nimport {', '.join(modules)}"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)

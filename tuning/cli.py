@@ -7,12 +7,15 @@ import sys
 import typer
 
 from tuning.controllers import command as controllers
+from tuning.core.call import ToldCommand
+from tuning.delay import command as delay
 from tuning.encoder import command as encoder
 from tuning.logs import command as logs
 from tuning.observers import command as observers
 from tuning.road import command as road
 from tuning.sideslip import command as sideslip
 from tuning.speed import command as speed
+from tuning.vehicle import command as vehicle
 from tuning.vehicle.regulation import command as screening
 
 # Without markup: help and errors show units and names in brackets as they are.
@@ -29,6 +32,7 @@ COMMANDS = {
     "tune-abs": controllers.tune_abs,
     "abs-sets": controllers.abs_sets,
     "abs-study": controllers.abs_study,
+    "gradient-study": controllers.gradient_study,
     "tune-observer": observers.tune_observer,
     "observer-study": observers.observer_study,
     "encoder": encoder.encoder,
@@ -38,12 +42,16 @@ COMMANDS = {
     "tune-side-slip": sideslip.tune_side_slip,
     "side-slip-study": sideslip.side_slip_study,
     "speed-study": speed.speed_study,
+    "vehicle-study": vehicle.vehicle_study,
+    "split-mu": vehicle.split_mu,
+    "drive-log": vehicle.drive_log,
+    "delay-study": delay.delay_study,
     "regulation": screening.regulation,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""
 for _name, _command in COMMANDS.items():
-    app.command(_name)(_command)
+    app.command(_name, cls=ToldCommand)(_command)
 
 
 @app.callback()

@@ -4,6 +4,8 @@ from absjax.controllers.base import Controller
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.five_phase import FivePhase
 from absjax.controllers.no_control import NoControl
+from absjax.controllers.predictive_tracking import PredictiveTracking
+from absjax.controllers.predictive_two_phase import PredictiveTwoPhase
 from absjax.controllers.production import ProductionLogic
 from absjax.controllers.slip import SlipControl
 from absjax.controllers.stiffness import StiffnessControl
@@ -18,6 +20,16 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "slip": SlipControl,
     "bosch": BoschLogic,
     "production": ProductionLogic,
-    "no_control": NoControl,
 }
 """By name."""
+
+BASELINES: dict[str, type[Controller]] = {
+    "no_control": NoControl,
+}
+"""By name, those with nothing to tune."""
+
+PREDICTIVE: dict[str, type[Controller]] = {
+    "predictive_tracking": PredictiveTracking,
+    "predictive_two_phase": PredictiveTwoPhase,
+}
+"""By name, those over a delay of the brake: in a `absjax.loop.delayed_loop.DelayedLoop`, or a control unit."""

@@ -52,14 +52,18 @@ class AccelerationTracking(AccelerationPhases):
         """An entry here and now."""
         return Entry(signals.time, signals.acceleration_offset)
 
+    def target(self, time, state, phase) -> tuple[Any, Any]:
+        """x2* at a time of a phase that follows it [m/s^2], and its rate [m/s^3]; before the phase x2 at the entry."""
+        goal = pick(phase, (0.0, self.eps1, 0.0, self.eps3, -self.eps4, 0.0))
+        way = (1 + self.beyond) * (goal - state.offset)
+        duration = 1.5 / self.wheel.pressure_gain * jnp.abs(way) / self.pressure_rate
+        share = jnp.clip(safe_divide(time - state.time, duration, duration > 0, 1.0), 0.0, 1.0)
+        slope = safe_divide(way * 6 * share * (1 - share), duration, duration > 0)
+        return state.offset + way * share**2 * (3 - 2 * share), slope
+
     def rate(self, signals: Signals, state: Entry, phase):
         """Commanded dPb/dt [bar/s]."""
         a, b, x2 = self.wheel.slip_gain, self.wheel.pressure_gain, signals.acceleration_offset
-        goal = pick(phase, (0.0, self.eps1, 0.0, self.eps3, -self.eps4, 0.0))
-        way = (1 + self.beyond) * (goal - state.offset)
-        duration = 1.5 / b * jnp.abs(way) / self.pressure_rate
-        share = jnp.clip(safe_divide(signals.time - state.time, duration, duration > 0, 1.0), 0.0, 1.0)
-        target = state.offset + way * share**2 * (3 - 2 * share)
-        slope = safe_divide(way * 6 * share * (1 - share), duration, duration > 0)
+        target, slope = self.target(signals.time, state, phase)
         tracking = -(a / signals.vehicle_speed * signals.stiffness * x2 + slope - self.gain * (x2 - target)) / b
         return pick(phase, (OPEN_VALVE, tracking, 0.0, tracking, tracking, 0.0))

@@ -161,7 +161,9 @@ def least_squares_step(known, covariance, x, target, held, m2, forgetting, most)
     """One step of the recursive least squares: what is known after target = x' known, and its covariance.
 
     Args:
-        known, x: (n,); covariance: (n, n).
+        known: (n,).
+        covariance: (n, n).
+        x: (n,).
         held: time for which the sample is held, s; 0 for one that tells nothing.
         m2: 1 + kappa x'x.
         most: trace of the covariance that is never exceeded.

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 
 from absjax.controllers.base import Controller
 from absjax.observers.base import Observer
+from absjax.observers.load import at_load
 from absjax.parameters import model, part
 from absjax.plant.base import Actuator
-from absjax.plant.wheel import Wheel
 from absjax.signals import Signals
 
 
@@ -21,20 +21,6 @@ class ChannelState(NamedTuple):
     """None without one"""
     controller: Any
     """what the controller keeps"""
-
-
-def at_load(component: Any, share: Any) -> Any:
-    """A controller or observer on a wheel with `share` of its load: it has a method `at_load`, or a part `wheel`.
-
-    One that has neither does not know the load.
-    """
-    own = getattr(component, "at_load", None)
-    if own is not None:
-        return own(share)
-    wheel = getattr(component, "wheel", None)
-    if not isinstance(wheel, Wheel):
-        return component
-    return dataclasses.replace(component, wheel=dataclasses.replace(wheel, load=share * wheel.load))
 
 
 @model

@@ -272,7 +272,11 @@ class ClosedLoop:
     def flow(self, time, state: LoopState, mode) -> LoopState:
         """d(state)/dt."""
         signals = self.signals(time, state, mode)
-        slope = self.driven(time, state, mode, self.command(signals, state, mode))
+        return self.flow_under(time, state, mode, signals, self.command(signals, state, mode))
+
+    def flow_under(self, time, state: LoopState, mode, signals: Signals, rate) -> LoopState:
+        """d(state)/dt under a given rate [bar/s], the observer told the signals."""
+        slope = self.driven(time, state, mode, rate)
         if self.observer is None:
             return slope
         held = (slope.brake, None if self.foot is None else Pedal(slope.pedal.level, 0.0 * slope.pedal.level))

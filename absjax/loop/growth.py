@@ -5,8 +5,6 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import stop
 
 REGULAR = 2.0
@@ -15,7 +13,7 @@ LARGEST_APART = 1.0
 """Growth further from `REGULAR` than this is that of an unstable stop."""
 
 
-def growth(loop: ClosedLoop | SampledLoop, speed: Any, **options: Any):
+def growth(loop: Any, speed: Any, **options: Any):
     """Relative change of the distance per relative change of the initial speed, d ln(distance) / d ln(v0).
 
     A perturbation of the initial speed moves every switching that follows. Where the cycles of a stop are stable it

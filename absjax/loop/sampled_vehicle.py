@@ -1,8 +1,8 @@
 """A vehicle's loop whose controllers sit in an electronic control unit with a clock.
 
 The same as `absjax.loop.sampled_loop` for several channels: every so many steps the unit measures at every wheel, tests
-the guards of every channel, makes at most one switching in each, and holds the commands in between. It may have a speed
-to estimate: then the controllers and observers are told that, and the acceleration that the accelerometer tells, instead
+the guards of every channel, makes at most one switching in each, and holds the commands in between. Where it has to
+estimate the speed, controllers and observers are told that, and the acceleration that the accelerometer tells, instead
 of the true ones, and the acceleration offsets are reckoned with them. Lock, limits of the pressures and the stop stay
 located.
 """
@@ -82,8 +82,8 @@ class SampledVehicle:
         Raises:
             ValueError: if the loop would not tick as often as a sensor expects.
         """
-        for expected in {sensor.period for sensor in self.sensors} - {None}:
-            if abs(step * self.tick_every - expected) > 1e-6 * expected:
+        for expected in {sensor.period for sensor in self.sensors}:
+            if expected is not None and abs(step * self.tick_every - expected) > 1e-6 * expected:
                 raise ValueError(f"a tick every {step * self.tick_every:g} s; the sensor's period is {expected:g} s")
 
     def initial_state(self, speed) -> SampledVehicleState:

@@ -1,7 +1,7 @@
 """The shortest stop a pedal allows a vehicle: what every set of controllers on it is measured against.
 
-Every wheel uses its road to the peak as soon as the pedal asks for that much, without lag, relaxation or inertia, at the
-load the deceleration makes; the vehicle goes straight on:
+Every wheel uses its road to the peak as soon as the pedal asks for that much, without lag, relaxation or inertia, at
+the load the deceleration makes; the vehicle goes straight on:
 
     m v' = -sum min(gamma_b,i p(t) / R_i, mu_max,i Fz_i(v')),   x' = v
 

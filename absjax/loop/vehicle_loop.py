@@ -224,7 +224,7 @@ class VehicleLoop:
         """d(state)/dt under given rates [bar/s], the observers held."""
         pedal_slope = self.driver.slope(parts.foot) + 0.0 * state.pedal.level
         granted = [
-            pressure_limits.granted(Mode(0, pressure), rate, pedal_slope)
+            pressure_limits.granted(Mode(pressure, pressure), rate, pedal_slope)
             for pressure, rate in zip(parts.pressures, rates)
         ]
         turning = tuple(map(wheel_lock.held, parts.locked, self.vehicle.wheel_speeds_of(slope)))
@@ -278,7 +278,7 @@ class VehicleLoop:
         speeds = self.vehicle.wheel_speeds_of(state.vehicle)
         guards = list(map(wheel_lock.guard, parts.locked, speeds, self.vehicle.wheel_speeds_of(slope)))
         for own, pressure, rate in zip(state.channels, parts.pressures, rates):
-            does = Mode(0, pressure, 0, parts.foot)
+            does = Mode(pressure, pressure, 0, parts.foot)
             guards.append(pressure_limits.guard(self.driver, own.brake, state.pedal, does, rate))
         for wheels, chosen in self._choosing(parts):
             first, second = (speeds[i] for i in wheels)
@@ -327,7 +327,7 @@ class VehicleLoop:
         return own
 
     def switch(self, told: tuple[Signals, ...], state: VehicleLoopState, parts: VehicleMode, fires, slots):
-        """State and mode after the guards `slots` of the channels that `fires` names have fired on what they are told."""
+        """State and mode after the guards `slots` of the channels that `fires` names have fired on what is `told`."""
         time = told[0].time
         speed, position = self.vehicle.speed_of(time, state.vehicle), self.vehicle.position(time, state.vehicle)
         owns, phases, pressures, memories = [], [], [], []
@@ -354,7 +354,7 @@ class VehicleLoop:
             locked.append(jnp.where(slot == i, follows, lock))
         first, owns, pressures = len(speeds), [], []
         for i, (own, pressure) in enumerate(zip(state.channels, parts.pressures)):
-            brake, does = pressure_limits.met(own.brake, state.pedal, Mode(0, pressure))
+            brake, does = pressure_limits.met(own.brake, state.pedal, Mode(pressure, pressure))
             met = slot == first + i
             owns.append(own._replace(brake=tree_where(met, brake, own.brake)))
             pressures.append(jnp.where(met, does.pressure, pressure))
@@ -423,14 +423,8 @@ class VehicleLoop:
         first = jnp.argmin(jnp.stack(onsets), axis=0)
         control = jax.tree.map(lambda *values: pick(first, values), *memory.control)
         control = control._replace(cycles=jnp.stack([own.cycles for own in memory.control]).min(axis=0))
-        worst = Locks(
-            sum(own.count for own in locks),
-            *(jnp.stack([getattr(own, name) for own in locks]).max(axis=0) for name in ("since", "speed")),
-            *(
-                tuple(jnp.stack([getattr(own, name)[k] for own in locks]).max(axis=0) for k in range(2))
-                for name in ("time", "longest")
-            ),
-        )
+        worst = jax.tree.map(lambda *values: jnp.stack(values).max(axis=0), *locks)
+        worst = worst._replace(count=sum(own.count for own in locks))
         speed, position = self.vehicle.speed_of(time, state.vehicle), self.vehicle.position(time, state.vehicle)
         return Course(speed, position, Memory(memory.pedal_time, memory.pedal_position, control, worst), longest)
 

@@ -65,8 +65,10 @@ def certify_run(
         period: sampling period, s.
         wheel: as the observer knows it.
         window: T of the integrals, s.
-        energy, slope, dwell, eigenvalue: what mu_0 [m^2/s^3], |dy/dt| at a zero [m/s^3], T_D [s] and mu_1 have to
-            exceed.
+        energy: what mu_0 has to exceed [m^2/s^3].
+        slope: what |dy/dt| at a zero has to exceed [m/s^3].
+        dwell: what T_D has to exceed [s].
+        eigenvalue: what mu_1 has to exceed.
 
     Raises:
         ValueError: if the window is longer than the run.

@@ -1,5 +1,6 @@
 """An estimate kept to the physical range of XBS."""
 
+import dataclasses
 from typing import Any
 
 import jax.numpy as jnp
@@ -7,6 +8,7 @@ import numpy as np
 
 from absjax.observers.base import Observer
 from absjax.observers.certificate import Certificate, certify
+from absjax.observers.load import at_load
 from absjax.parameters import concrete, model, parameter, part
 
 
@@ -24,6 +26,10 @@ class Clamped:
     def __post_init__(self):
         if concrete(self.low) and concrete(self.high) and not np.all(np.less(self.low, self.high)):
             raise ValueError(f"Clamped.low = {self.low} must be below Clamped.high = {self.high}")
+
+    def at_load(self, share) -> "Clamped":
+        """With an observer that knows the load is `share` of the one its gain a is for."""
+        return dataclasses.replace(self, observer=at_load(self.observer, share))
 
     def certificate(self) -> Certificate:
         """That of the observer, whose state is left alone."""

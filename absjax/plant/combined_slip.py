@@ -2,9 +2,9 @@
 
     s = |(lx, ly)|,    Fx = Fz mu_x(s) lx / s,    Fy = Fz mu_y(s) ly / s
 
-The friction curve holds along the direction of slip; a road whose tyre has another one across the wheel has
-`lateral_friction`. Around s = 0 both are linear, mu(s) / s being taken at `SMALLEST`. Source: Pacejka 2012, section 3.3
-(the isotropic tyre).
+The friction curve holds along the direction of slip; a road may have a part `across`, the road a tyre with another
+curve across the wheel feels. Around s = 0 both are linear, mu(s) / s being taken at `SMALLEST`. Source: Pacejka 2012,
+section 3.3 (the isotropic tyre).
 """
 
 from typing import Any, NamedTuple
@@ -33,7 +33,8 @@ def used(road: Road, along, across, time, distance) -> Used:
     slips = squared > SMALLEST**2
     slip = jnp.sqrt(jnp.where(slips, squared, SMALLEST**2))
     longitudinal = road.friction(slip, time, distance) / slip
-    lateral = getattr(road, "lateral_friction", road.friction)(slip, time, distance) / slip
+    other = getattr(road, "across", None)
+    lateral = longitudinal if other is None else other.friction(slip, time, distance) / slip
     share = safe_divide(along**2, squared, slips, 1.0)
     stiffness = longitudinal + share * (road.stiffness(slip, time, distance) - longitudinal)
     return Used(longitudinal * along, lateral * across, stiffness)

@@ -3,13 +3,13 @@
     m (vx' - r vy) = sum FX,    m (vy' + r vx) = sum FY,    Iz r' = sum x_i FY_i - y_i FX_i
     J w_i' = -R Fx_i - gamma_b Pb_i,    sigma lx' = (R w - wx) - |wx| lx,    sigma ly' = -wy - |wx| ly
 
-(wx, wy) is the velocity over a wheel's centre in the axes of the wheel, (FX, FY) the force in those of the car; ISO axes:
-x forward, y left, r positive to the left. Loads are quasi-static, with ax = sum FX / m and ay = sum FY / m
+(wx, wy) is the velocity over a wheel's centre in the axes of the wheel, (FX, FY) the force in those of the car; ISO
+axes: x forward, y left, r positive to the left. Loads are quasi-static, with ax = sum FX / m and ay = sum FY / m
 
     Fz_i = W_i -+ (m h / 2 L) ax -+ p (m h / T) ay
 
-where p is the axle's share of the roll moment. At given slips forces are linear in Fz and Fz in (ax, ay), which makes two
-linear equations of the accelerations. A load is at least 0: a wheel that lifts carries nothing, and what the others
+where p is the axle's share of the roll moment. At given slips forces are linear in Fz and Fz in (ax, ay), which makes
+two linear equations of the accelerations. A load is at least 0: a wheel that lifts carries nothing, and what the others
 carry is what the equations without that limit say.
 """
 
@@ -158,29 +158,35 @@ class FourWheel:
         steering = self.steering.initial_state(speed)
         return FourWheelState(PlanarMotion(speed, zero, zero, zero, zero), rolling, slips, slips, steering)
 
-    def angles(self, time, state: FourWheelState):
-        """delta_i of the wheels [rad]."""
+    def _turned(self, time, state: FourWheelState):
+        """cos and sin of the angle of each wheel; None for one that is not steered."""
         angle = self.steering.angle(time, state.steering)
-        return angle, angle, 0.0 * angle, 0.0 * angle
+        steered = jnp.cos(angle), jnp.sin(angle)
+        return steered, steered, None, None
 
     def velocities(self, time, state: FourWheelState):
         """(wx, wy) over the centre of each wheel, in its axes [m/s]."""
         motion, found = state.motion, []
-        for x, y, angle in zip(self.ahead, self.left, self.angles(time, state)):
-            forward, leftward = motion.longitudinal - motion.yaw_rate * y, motion.lateral + motion.yaw_rate * x
-            cosine, sine = jnp.cos(angle), jnp.sin(angle)
-            found.append((cosine * forward + sine * leftward, cosine * leftward - sine * forward))
+        for x, y, turned in zip(self.ahead, self.left, self._turned(time, state)):
+            along, across = motion.longitudinal - motion.yaw_rate * y, motion.lateral + motion.yaw_rate * x
+            if turned is not None:
+                cosine, sine = turned
+                along, across = cosine * along + sine * across, cosine * across - sine * along
+            found.append((along, across))
         return found
 
-    def slips(self, time, state: FourWheelState):
-        """(lx, ly) of each wheel."""
+    def _slips(self, state: FourWheelState, velocities):
         if state.along is not None:
             return tuple(zip(state.along, state.across))
         found = []
-        for wheel, w, (over, sideways) in zip(self.corners, state.wheel_speeds, self.velocities(time, state)):
+        for wheel, w, (over, sideways) in zip(self.corners, state.wheel_speeds, velocities):
             speed = jnp.maximum(jnp.abs(over), SLOWEST)
             found.append(((wheel.radius * w - over) / speed, -sideways / speed))
         return tuple(found)
+
+    def slips(self, time, state: FourWheelState):
+        """(lx, ly) of each wheel."""
+        return self._slips(state, self.velocities(time, state))
 
     def _places(self, state: FourWheelState):
         """Where the wheels are on their roads [m]."""
@@ -189,19 +195,17 @@ class FourWheel:
 
     def contacts(self, time, state: FourWheelState) -> tuple[Contact, ...]:
         """Each wheel on its road."""
+        velocities, found = self.velocities(time, state), []
         parts = zip(
-            self.roads,
-            self.slips(time, state),
-            self.velocities(time, state),
-            self.angles(time, state),
-            self._places(state),
+            self.roads, self._slips(state, velocities), velocities, self._turned(time, state), self._places(state)
         )
-        found = []
-        for road, (along, across), (over, sideways), angle, place in parts:
+        for road, (along, across), (over, sideways), turned, place in parts:
             share = used(road, along, across, time, place)
-            cosine, sine = jnp.cos(angle), jnp.sin(angle)
-            forward = cosine * share.along - sine * share.across
-            found.append(Contact(over, sideways, share, forward, sine * share.along + cosine * share.across))
+            forward, leftward = share.along, share.across
+            if turned is not None:
+                cosine, sine = turned
+                forward, leftward = cosine * forward - sine * leftward, sine * forward + cosine * leftward
+            found.append(Contact(over, sideways, share, forward, leftward))
         return tuple(found)
 
     def _loads(self, contacts: tuple[Contact, ...]):

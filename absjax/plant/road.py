@@ -1,12 +1,13 @@
 """Roads: which tyre curve holds where and when."""
 
+import dataclasses
 from typing import Any, Literal
 
 import jax.numpy as jnp
 
 from absjax.parameters import model, parameter, part
 from absjax.plant.base import Road
-from absjax.tyres.base import Tyre, lateral_friction
+from absjax.tyres.base import Tyre
 from absjax.tyres.surfaces import surface
 
 
@@ -20,9 +21,11 @@ class UniformRoad:
         """mu(lambda)."""
         return self.tyre.friction(slip)
 
-    def lateral_friction(self, slip, time, distance):
-        """mu across the wheel."""
-        return lateral_friction(self.tyre, slip)
+    @property
+    def across(self) -> "UniformRoad | None":
+        """What a tyre feels across the wheel, of its part `lateral`; None: the same as along it."""
+        lateral = getattr(self.tyre, "lateral", None)
+        return None if lateral is None else UniformRoad(lateral)
 
     def stiffness(self, slip, time, distance):
         """XBS."""
@@ -56,6 +59,15 @@ class ChangingRoad:
         if self.along not in ("time", "distance"):
             raise ValueError(f"ChangingRoad.along = {self.along!r} must be 'time' or 'distance'")
 
+    @property
+    def across(self) -> "ChangingRoad | None":
+        """As of `UniformRoad`; None where no surface has a curve of its own across the wheel."""
+        lateral = [getattr(tyre, "lateral", None) for tyre in self.surfaces]
+        if all(own is None for own in lateral):
+            return None
+        surfaces = tuple(tyre if own is None else own for tyre, own in zip(self.surfaces, lateral))
+        return dataclasses.replace(self, surfaces=surfaces)
+
     def peak_friction(self, time, distance):
         """Largest friction to be had at `time` or `distance`; within a blend of two surfaces no less than that."""
         return self._mix([tyre.peak().friction for tyre in self.surfaces], time, distance)
@@ -72,10 +84,6 @@ class ChangingRoad:
     def friction(self, slip, time, distance):
         """mu(lambda) at `time` or `distance`."""
         return self._mix([tyre.friction(slip) for tyre in self.surfaces], time, distance)
-
-    def lateral_friction(self, slip, time, distance):
-        """mu across the wheel at `time` or `distance`."""
-        return self._mix([lateral_friction(tyre, slip) for tyre in self.surfaces], time, distance)
 
     def stiffness(self, slip, time, distance):
         """XBS at `time` or `distance`."""

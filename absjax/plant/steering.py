@@ -13,7 +13,7 @@ from absjax.parameters import concrete, model, parameter
 
 
 class Steering(Protocol):
-    """What a steered vehicle asks: a class made by `absjax.parameters.model`; its state is a pytree of float scalars."""
+    """What a steered vehicle asks: a class made by `absjax.parameters.model`; its state is a pytree of scalars."""
 
     def initial_state(self, speed: Any) -> Any:
         """State of driving straight ahead at `speed` [m/s]."""
@@ -80,9 +80,10 @@ class SteeringTable(_Given):
 
     def angle(self, time, state):
         """delta [rad]."""
-        return jnp.interp(
-            time, jnp.stack(jnp.broadcast_arrays(*self.times)), jnp.stack(jnp.broadcast_arrays(*self.angles))
-        )
+        angle = self.angles[0] + 0.0 * time
+        for (begin, end), (before, after) in zip(pairwise(self.times), pairwise(self.angles)):
+            angle = angle + jnp.clip((time - begin) / (end - begin), 0.0, 1.0) * (after - before)
+        return angle
 
 
 @model

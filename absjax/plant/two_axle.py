@@ -5,8 +5,8 @@
     Iy q'' = -h sum Fx_i - sum x_i S_i,    Fz_i = max(W_i + S_i, 0)
     sigma l_i' = (R w_i - v) - |v| l_i,    J w_i' = -R Fx_i - gamma_b Pb_i
 
-z up and q nose down, from where the car is at rest; x_i the place of an axle ahead of the centre of gravity; W_f = m g b
-/ L. Without suspension the load follows the deceleration at once, Fz_f = W_f - (m h / L) v', which is linear in Fx;
+z up and q nose down, from where the car is at rest; x_i the place of an axle ahead of the centre of gravity; W_f =
+m g b / L. Without suspension the load follows the deceleration at once, Fz_f = W_f - (m h / L) v', linear in Fx;
 without relaxation l_i = (R w_i - v) / v. The source prints no parameters: those here are of a mid-size car, wheels per
 axle. Source: Aguado-Rojas 2019, section 3.6, eq. 3.36.
 """

@@ -43,10 +43,5 @@ class Tyre(Protocol):
         ...
 
 
-def lateral_friction(tyre: Tyre, slip: Any) -> Any:
-    """mu across the wheel: of the tyre's own curve for it, `lateral_friction(slip)`, or the one along the wheel."""
-    return getattr(tyre, "lateral_friction", tyre.friction)(slip)
-
-
 def sign_of(slip):
     return jnp.where(slip < 0, -1.0, 1.0)

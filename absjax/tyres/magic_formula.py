@@ -39,15 +39,11 @@ class MagicFormula:
         return self.peak_value * jnp.sin(self.shape_factor * jnp.arctan(argument))
 
     def stiffness(self, slip):
-        """XBS: mu' = B C D cos(C atan(phi)) / (1 + phi^2) (1 - E + E / (1 + (B s)^2)), phi what the sine's arctan is of."""
+        """XBS: mu' = B C D cos(C atan(phi)) / (1 + phi^2) (1 - E + E / (1 + (B s)^2)), phi = B s - E (...)."""
         argument, scaled = self._argument(slip)
         outer = self.shape_factor * jnp.cos(self.shape_factor * jnp.arctan(argument)) / (1 + argument**2)
         inner = 1 - self.curvature_factor + self.curvature_factor / (1 + scaled**2)
         return self.peak_value * self.stiffness_factor * outer * inner
-
-    def lateral_friction(self, slip):
-        """mu across the wheel."""
-        return (self if self.lateral is None else self.lateral).friction(slip)
 
     def peak(self) -> Peak:
         """Peak by Newton's method; without one inside (0, 1) the end of the interval is the peak.

@@ -32,7 +32,7 @@ class ByHand:
 
     def motion(self, y):
         """v', z'', q'', (w'_f, w'_r)."""
-        v, _, z, dz, q, dq = y[:6]
+        _, _, z, dz, q, dq = y[:6]
         springs = [-k * (z - x * q) - d * (dz - x * dq) for k, d, x in zip(SPRINGS, DAMPERS, ARMS)]
         forces = [
             max(rest + s, 0.0) * friction(self.axle(y, i)[3], self.c)

@@ -24,6 +24,14 @@ def run(*arguments):
     return subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
 
 
+def require_page(folder, *said):
+    """A report that says how it was called, holds every figure, and names the words given."""
+    page = (folder / "report.html").read_text("utf-8")
+    assert page.count("data:image/png;base64,") == len(list(folder.rglob("*.png"))) > 0
+    for words in ("python -m tuning ", *said):
+        assert words in page, words
+
+
 def test_identify_writes_result_and_figures(tmp_path):
     done = run("identify", DATA / "rig_65kmh.csv", "--out", tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -33,25 +41,35 @@ def test_identify_writes_result_and_figures(tmp_path):
     assert result["segments"][0]["peak_friction"] == pytest.approx(1.0332, rel=0.02)
     for figure in ("friction_curve.png", "log.png"):
         assert (tmp_path / figure).read_bytes().startswith(b"\x89PNG")
+    require_page(tmp_path, "sound", "friction_curve.png", f"identify {DATA / 'rig_65kmh.csv'}", "brake_efficiency")
+    assert str(tmp_path / "report.html") in done.stdout.replace("\n", "")
 
 
 def test_describe_says_what_a_log_holds(tmp_path):
     """Names in brackets and other marks are shown as they are."""
+    name = "<b>Müller & Söhne<b>.csv"
     log = pd.read_csv(DATA / "stop_dry_wet.csv")
     log = log.set_axis(["Time [s]", "nWheel[/red] [rad/s]", "vCar [m/s]", "pBrake [bar]", "$a_x$ [m/s^2]"], axis=1)
     log["$a_x$ [m/s^2]"] = log["$a_x$ [m/s^2]"].clip(-8)
-    log.to_csv(tmp_path / "log.csv", index=False)
+    log.to_csv(tmp_path / name, index=False)
     columns = ("--columns", "wheel_speed=nWheel[/red] [rad/s],acceleration=$a_x$ [m/s^2]")
-    command = ["describe", str(tmp_path / "log.csv"), "--out", str(tmp_path / "out")]
+    command = ["describe", str(tmp_path / name), "--out", str(tmp_path / "out")]
     done = CliRunner().invoke(app, [*command, *columns])
     assert done.exit_code == 0, done.output
     said = " ".join(done.output.split())
     assert "wheel_speed: column 'nWheel[/red] [rad/s]' in rad/s" in said
-    assert "doubtful: acceleration: sits at -8 m/s^2 in 41% of its samples" in said
+    assert "verdict: doubtful acceleration: sits at -8 m/s^2 in 41% of its samples" in said
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert result["signals"]["acceleration"]["clipped"] == [-8.0] and result["step"] == pytest.approx(1e-3)
     assert result["signals"]["wheel_speed"]["rate"] == pytest.approx(1000)
     assert (tmp_path / "out" / "description.png").read_bytes().startswith(b"\x89PNG")
+    require_page(
+        tmp_path / "out",
+        "signals: &lt;b&gt;Müller &amp; Söhne&lt;b&gt;.csv",
+        "nWheel[/red]",
+        "<strong>doubtful</strong>",
+    )
+    assert "<b>" not in (tmp_path / "out" / "report.html").read_text("utf-8")
     done = CliRunner().invoke(app, [*command, "--force", "--columns", "time=Zeit [s]"])
     assert (
         done.exit_code == 2
@@ -81,6 +99,7 @@ def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):
     assert "rig_65kmh.csv: what the adaptive observer asks of a run: holds" in done.stdout
     assert {path.name for path in (tmp_path / "a").glob("*.png")} == {"history.png", "log.png"}
     result = json.loads((tmp_path / "a" / "result.json").read_text())
+    require_page(tmp_path / "a", "certified; slowest rate", "config, of result.json", "held out")
     following = ObserverConfig.from_json(configuration(tmp_path / "a" / "result.json"))
     assert following.start == result["parameters"] and following.observer == "constant"
     assert configuration(None) == {} and configuration(tmp_path / "config.json") == config
@@ -103,6 +122,7 @@ def test_encoder_takes_a_log(tmp_path):
     assert (tmp_path / "wheel_speed.csv").read_text().startswith("time_s,wheel_speed_rad_s,")
     figures = {"signals.png", "spectrum.png", "teeth.png", "coefficients.png"}
     assert {path.name for path in tmp_path.glob("*.png")} == figures
+    require_page(tmp_path, "the encoder", "--harmonics")
 
 
 @pytest.mark.parametrize(

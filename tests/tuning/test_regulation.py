@@ -18,12 +18,12 @@ from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.plant.brake import Brake
 from absjax.plant.four_wheel import FourWheel
 from absjax.plant.road import UniformRoad
+from tuning.cars.car import shipped_cars
 from tuning.cli import app
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.regulation import on_car
 from tuning.core.config import ConfigError
 from tuning.core.files import shipped
-from tuning.vehicle.cars import shipped_cars
 from tuning.vehicle.regulation import adhesion, screening, tasks
 from tuning.vehicle.regulation.course import Course, lateral_share, rise_time
 from tuning.vehicle.regulation.lanes import lanes_of

@@ -18,8 +18,8 @@ from tuning.logs.whole_car import ENTRIES, read_whole_car, whole_car_from
 from tuning.sideslip.bench import LogSet, errors_of
 from tuning.sideslip.config import SideSlipConfig
 from tuning.sideslip.estimators import ESTIMATORS, estimator_of, parameters_of, with_values
-from tuning.sideslip.tasks import doubts
-from tuning.sideslip.tune import SideSlipProblem, SideSlipResult, tune_side_slip
+from tuning.sideslip.tasks import doubts, worsened
+from tuning.sideslip.tune import AFTER, BEFORE, SideSlipProblem, SideSlipResult, tune_side_slip
 
 DESCRIPTION = {**{entry: CAR[field] for entry, field in ENTRIES.items()}, "driven": "front"}
 KNOWN = Car(**CAR)
@@ -239,6 +239,12 @@ def test_parts_by_name():
     assert config.tuned == ("lateral_gain", "friction_gain")
 
 
+def test_logs_held_out_that_got_worse_are_said():
+    worse = {"log": "b.csv", "tuned on": "no", BEFORE: 0.025, AFTER: 0.1806}
+    rows = [{**worse, "tuned on": "yes"}, worse, {**worse, AFTER: 0.02}]
+    assert worsened(rows) == ["warning: b.csv, held out: the side-slip error grew from 0.025 to 0.181 deg"]
+
+
 def test_commands(logs, tmp_path):
     run = CliRunner()
 
@@ -254,6 +260,8 @@ def test_commands(logs, tmp_path):
     assert result["intervals"]["friction"][-1]["identifiable"] and result["errors"]["side-slip rms [deg]"] < 1
     figures = {"estimates.png", "excitation.png", "friction_curves.png", "friction_parameter.png"}
     assert figures <= {path.name for path in (tmp_path / "one").iterdir()}
+    page = (tmp_path / "one" / "report.html").read_text()
+    assert "theta can be told" in page and page.count("data:image/png") == len(figures)
 
     bad = pd.read_csv(logs[0]).assign(yaw_rate_rad_s=lambda x: -x.yaw_rate_rad_s)
     bad.to_csv(tmp_path / "bad.csv", index=False)

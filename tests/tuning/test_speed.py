@@ -28,7 +28,7 @@ SHORT = {
     "estimators": ["kalman_front", "reference", "largest_rim"],
     "tune": ["reference.margin", "reference.steadiness"],
     "delay": 0.3,
-    "horizon": 1.6,
+    "horizon": 2.8,
     "starts": 1,
     "screened": 1,
     "iterations": 3,
@@ -49,7 +49,7 @@ def bench(told):
 
 def test_a_stop_is_of_one_car(told):
     stops = told.stops
-    assert stops.speed.shape == (4, 161) and told.names[1] == "wet_asphalt, 50 km/h, two_phase, bias -0.5"
+    assert stops.speed.shape == (4, 281) and told.names[1] == "wet_asphalt, 50 km/h, two_phase, bias -0.5"
     travelled = np.cumsum((stops.acceleration[:, 1:] + stops.acceleration[:, :-1]) / 2 * stops.period, axis=1)
     moves = np.cumsum(~stops.active[:, 60:], axis=1) == 0
     found = (stops.speed[:, :1] + travelled)[:, 59:]
@@ -74,9 +74,11 @@ def test_what_is_told_of_a_stop(told):
 
 def test_wheels_that_roll_for_longer_before_a_stop(told):
     longer = told.after_rolling(0.5)
-    assert longer.stops.speed.shape == (4, 211) and not longer.stops.active[:, :80].any()
-    np.testing.assert_array_equal(longer.stops.speed[:, 50:], told.stops.speed)
+    assert not longer.stops.active[:, :80].any() and longer.stops.active.sum() == told.stops.active.sum()
+    np.testing.assert_array_equal(longer.stops.speed[:, 50:], told.stops.speed[:, :-50])
     np.testing.assert_array_equal(longer.stops.acceleration[:, :50], 0.0)
+    with pytest.raises(ValueError, match="seconds = 2"):
+        told.after_rolling(2.0)
     assert told.roads[1] == "wet_asphalt, bias -0.5"
 
 
@@ -141,6 +143,7 @@ def test_names_lead_to_estimators():
 def test_the_study(tmp_path, monkeypatch, told):
     """On a short stop in the place of the published scenario."""
     monkeypatch.setattr(tasks, "published_scenario", lambda period, controller: told.stops.select(slice(1)))
+    monkeypatch.setattr(tasks, "ROLLING", (0.0, 0.5))
     (tmp_path / "short.json").write_text(json.dumps(SHORT))
     out = tmp_path / "out"
     found = CliRunner().invoke(app, ["speed-study", "--config", str(tmp_path / "short.json"), "--out", str(out)])

@@ -67,6 +67,7 @@ def test_the_command_writes_the_same_and_can_go_on(result, tmp_path):
     assert "12/12" in done.output and "dry asphalt" in done.output
     figures = {"distances.png", "history.png", "stop.png", "cycles.png"}
     assert {path.name for path in (tmp_path / "a").glob("*.png")} == figures
+    assert "limit cycles: 2 of 2" in (tmp_path / "a" / "report.html").read_text()
     assert load_controller(tmp_path / "a" / "result.json") == result[0].controller
     assert TuningResult.from_json(read_json(tmp_path / "a" / "result.json")).parameters == result[0].parameters
     following = TuningConfig.from_json(configuration(tmp_path / "a" / "result.json"))

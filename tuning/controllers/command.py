@@ -1,13 +1,14 @@
-"""`tune-abs`, `abs-sets`, `abs-study`, `demo`: controllers tuned, made anew, and studied."""
+"""`tune-abs`, `abs-sets`, `abs-study`, `gradient-study`, `demo`: controllers tuned, made anew, and studied."""
 
-import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from tuning.core.command import Force, Out, Resume, carry_out, journal_path, say, tune, tuned
-from tuning.core.terminal import bar, clear_errors, console, print_report
+from tuning.controllers.about import ABS_SETS, ABS_STUDY, DEMO, GRADIENT_STUDY, TUNE_ABS
+from tuning.core.command import Force, Out, Resume, carry_out, journal_path, tune, tuned
+from tuning.core.terminal import bar, console
 
 
 def tune_abs(
@@ -34,7 +35,7 @@ def tune_abs(
 
         return TuningConfig, prepare
 
-    tune("tune-abs", out, config, load, resume=resume, force=force)
+    tune("tune-abs", out, config, load, about=TUNE_ABS, resume=resume, force=force)
 
 
 def run_of(config, out: Path, title: str) -> Any:
@@ -42,7 +43,7 @@ def run_of(config, out: Path, title: str) -> Any:
 
     def run(progress, journal):
         from tuning.controllers.figures import tuning_figures
-        from tuning.controllers.report import cycles_line, parameter_line, tuning_rows
+        from tuning.controllers.report import cycles_line, parameter_line, split_rows, tuning_rows
         from tuning.controllers.tune import tune_abs
         from tuning.core.files import write_json
         from tuning.core.report import Report
@@ -50,10 +51,14 @@ def run_of(config, out: Path, title: str) -> Any:
         result = tune_abs(config, progress=progress, journal=journal)
         lines = [parameter_line(result), cycles_line(result)]
         lines += ["* on its limit"] if result.on_limit else []
-        lines += [f"warning: {warning}" for warning in result.warnings]
+        warnings = [f"warning: {warning}" for warning in result.warnings]
         files = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
         tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}
-        return Report(tables, lines, files, result.interrupted)
+        if result.splits:
+            tables[
+                f"{title}: scattered conditions, {config.setting}, a tick every {1e3 * config.sampled_period:g} ms"
+            ] = split_rows(result)
+        return Report(tables, lines, files, result.interrupted, warnings=warnings)
 
     return run
 
@@ -75,10 +80,10 @@ def abs_sets(
             choice("--only", name, recipes())
         return (), lambda: _sets(wanted, out, resume)
 
-    carry_out(out, work, force=force, resume=resume)
+    carry_out(out, work, about=ABS_SETS, force=force, resume=resume)
 
 
-def _sets(wanted: list[str], out: Path, resume: bool) -> Any:
+def _sets(wanted: list[str], out: Path, resume: bool) -> Iterator[Any]:
     from tuning.controllers.load import load_result
     from tuning.controllers.recipes import recipes, write_sets
     from tuning.core.report import Report
@@ -86,9 +91,9 @@ def _sets(wanted: list[str], out: Path, resume: bool) -> Any:
     for name in wanted:
         config, folder = recipes()[name], out / name
         goes_on = resume and journal_path(folder).exists()
-        print_report(tuned("tune-abs", config, folder, run_of(config, folder, name.replace("_", " ")), resume=goes_on))
+        yield tuned("tune-abs", config, folder, run_of(config, folder, name.replace("_", " ")), resume=goes_on)
     found = [(name, load_result(out / name / "result.json")) for name in wanted]
-    return Report({}, [], [write_sets(found, out / "controllers.json")])
+    yield Report({}, [], [write_sets(found, out / "controllers.json")])
 
 
 def abs_study(
@@ -103,29 +108,44 @@ def abs_study(
 
         return (), lambda: run_study(out, stops)
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=ABS_STUDY, force=force)
+
+
+def gradient_study(
+    out: Out,
+    pairs: Annotated[int, typer.Option(min=32, help="Pairs of lanes: phases of the clock, and initial speeds.")] = 2048,
+    roads: Annotated[str | None, typer.Option(help="Roads, comma-separated; the published five if missing.")] = None,
+    force: Force = False,
+) -> None:
+    """The slope of the mean stop under a control unit's clock, three ways; the stand-in of an encoder's chain."""
+
+    def work():
+        from tuning.controllers.study.tasks import run_gradients
+
+        return (), lambda: run_gradients(out, pairs, None if roads is None else tuple(roads.split(",")))
+
+    carry_out(out, work, about=GRADIENT_STUDY, force=force)
 
 
 def demo(out: Out = Path("demo"), force: Force = False) -> None:
     """Identify a road from the log shipped here, then tune five-phase thresholds, from untuned, under a given pedal."""
-    begun = time.monotonic()
-    with clear_errors():
-        from tuning.controllers.demo import limit_costs, limited
-        from tuning.controllers.load import load_result
-        from tuning.core.files import data_folder, require_folder
-        from tuning.core.report import Report
-        from tuning.road.command import identified
+    carry_out(out, lambda: ((), lambda: _demonstrated(out)), about=DEMO, force=force)
 
-        require_folder(out, force=force)
-        with data_folder() as data:
-            console.rule("1  the road from a brake log")
-            print_report(identified(data / "stop_dry_wet.csv", out / "identify", car=data / "stop_dry_wet.json"))
-        console.rule("2  thresholds under a given pedal: 400 bar/s; brake 750 bar/s, 5 ms; thresholds >= 10 m/s²")
-        run = run_of(limited(), out / "tuned", "five phases, from the default set")
-        print_report(tuned("tune-abs", limited(), out / "tuned", run))
-        console.rule("3  what each limit costs")
-        with bar("tuned under one limit at a time") as progress:
-            rows = limit_costs(load_result(out / "tuned" / "result.json"), progress)
-        title = "from the pedal, above ideal, by the limits in force; tuned, switchings located"
-        print_report(Report({title: rows}, [], []))
-    say(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/")
+
+def _demonstrated(out: Path) -> Iterator[Any]:
+    from tuning.controllers.demo import limit_costs, limited
+    from tuning.controllers.load import load_result
+    from tuning.core.files import data_folder
+    from tuning.core.report import Report
+    from tuning.road.command import identified
+
+    console.rule("1  the road from a brake log")
+    with data_folder() as data:
+        yield identified(data / "stop_dry_wet.csv", out / "identify", car=data / "stop_dry_wet.json")
+    console.rule("2  thresholds under a given pedal: 400 bar/s; brake 750 bar/s, 5 ms; thresholds >= 10 m/s²")
+    run = run_of(limited(), out / "tuned", "five phases, from the default set")
+    yield tuned("tune-abs", limited(), out / "tuned", run)
+    console.rule("3  what each limit costs")
+    with bar("tuned under one limit at a time") as progress:
+        rows = limit_costs(load_result(out / "tuned" / "result.json"), progress)
+    yield Report({"from the pedal, above ideal, by the limits in force: tuned, switchings located": rows}, [], [])

@@ -101,9 +101,13 @@ def exact_charges(setup: Setup, names: tuple[str, ...], sets: np.ndarray, larges
 
 
 def certify_cycles(setup: Setup, parameters: Mapping[str, float]) -> list[CycleRow]:
-    """The limit cycles of a parameter set on the roads of a setup; none of a controller without cycles or a vehicle."""
+    """The limit cycles of a parameter set on the roads of a setup.
+
+    None of a controller without cycles, of a vehicle, or of one that predicts over a delay: its state is a past.
+    """
     config = setup.config
-    if setup.kind.cycle_phase is None or not config.uniform_roads or config.vehicle is not None:
+    alone = not config.predicts and config.vehicle is None
+    if setup.kind.cycle_phase is None or not alone or not config.uniform_roads:
         return []
     names = tuple(parameters)
     cycle = _exact_cycles(setup, names, np.array([[parameters[name] for name in names]]))

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from absjax.lanes import repeated
 from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.delayed_loop import in_unit
 from absjax.loop.ideal import ideal_distance
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.sampled_vehicle import SampledVehicle
@@ -15,10 +16,10 @@ from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.sensors.base import Sensor
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
-from tuning.vehicle.entry import of_axle
+from tuning.cars.entry import of_axle
 
-Loop = TypeVar("Loop", ClosedLoop, VehicleLoop)
-CARRIERS = "plant", "vehicle", "driver"
+Loop = TypeVar("Loop", bound=ClosedLoop | VehicleLoop)
+CARRIERS = "plant", "vehicle", "brake", "driver"
 """Parts of a loop that carry the rows, those it has."""
 
 
@@ -54,19 +55,27 @@ def in_control_unit(
     loop: ClosedLoop | VehicleLoop,
     ticks: int,
     substeps: int,
+    period: float,
     sensor: Sensor | None = None,
     estimator: SpeedEstimator | None = None,
     accelerometer: Accelerometer | None = None,
+    delay: float | None = None,
+    kind: type[SampledLoop] = SampledLoop,
 ) -> SampledLoop | SampledVehicle:
-    """A loop in a control unit that tests its guards every so many grid steps; a vehicle's has the sensor at each wheel.
+    """A loop in a control unit that tests its guards every so many grid steps; a vehicle has the sensor at each wheel.
 
     Args:
         substeps: Runge-Kutta steps of an observer per sample.
+        period: between two tests [s].
         estimator: of the speed of a vehicle.
         accelerometer: of the unit, where it estimates the speed.
+        delay: between a controller that predicts and the brake [s].
+        kind: of the loop of one wheel without such a delay.
     """
     if isinstance(loop, ClosedLoop):
-        return SampledLoop(loop, sensor, tick_every=ticks, substeps=substeps)
+        if kind is not SampledLoop:
+            return kind(loop, sensor, tick_every=ticks, substeps=substeps)
+        return in_unit(loop, sensor, delay, period, tick_every=ticks, substeps=substeps)
     sensors = () if sensor is None else (sensor,) * len(loop.vehicle.places)
     return SampledVehicle(loop, sensors, estimator, accelerometer, ticks, substeps)
 

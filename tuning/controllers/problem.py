@@ -16,7 +16,7 @@ from absjax.loop.closed_loop import ClosedLoop
 from tuning.controllers.batch import Batch, batch_of, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import charges, exact_charges, rig_loops
-from tuning.controllers.regulation import Regulation
+from tuning.controllers.regulation import Regulation, regulation_of
 from tuning.controllers.setup import Setup
 from tuning.core.box import Box
 from tuning.core.objective import Objective
@@ -29,7 +29,7 @@ LARGEST_GRADIENT = 10.0
 """Of the loss of one stop, on the scales of the box. Where a stop is unstable, as `absjax.loop.growth` has it, its
 derivative may be 10^5 and holds nowhere: it counts with its direction, and no more than this."""
 FINALISTS = 8
-"""Sets whose limit cycles are looked for in a generation, or that are screened, where that is asked for."""
+"""Sets whose limit cycles are looked for in a generation, where contraction is limited."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,14 +67,13 @@ class ControllerProblem(Problem):
         sampled = scored(self.batch, parameters, *setup.sampled_grid()).losses
         costs = np.maximum(self.screen(points), np.asarray(self.objective.costs(sampled)))
         largest = setup.config.largest_contraction
-        if largest is None and self.regulation is None:
+        if self.regulation is not None:
+            return self.regulation.judged(costs, parameters, BREACH_CHARGE)
+        if largest is None:
             return costs
         best = np.argsort(costs)[:FINALISTS]
-        finalists = {name: parameters[name][best] for name in self.box.names}
-        if self.regulation is not None:
-            excess = self.regulation.breaches(finalists)
-        else:
-            excess = exact_charges(setup, self.box.names, np.stack(list(finalists.values()), axis=1), largest)
+        sets = np.stack([parameters[name][best] for name in self.box.names], axis=1)
+        excess = exact_charges(setup, self.box.names, sets, largest)
         charged = costs + 2 * BREACH_CHARGE
         charged[best] = costs[best] + excess + BREACH_CHARGE * (excess > 0)
         return charged
@@ -88,7 +87,7 @@ def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objectiv
     points = jnp.asarray(points)
     lanes = jnp.tile(points, (batch.rows, 1))
     losses, pull = jax.vjp(lambda x: batch.losses(batch.stops_of_lanes(box.values(x))), lanes)
-    own = _bounded(pull(jnp.ones_like(losses))[0]).reshape(batch.rows, *points.shape)
+    own = bounded(pull(jnp.ones_like(losses))[0]).reshape(batch.rows, *points.shape)
     costs, weigh = jax.vjp(lambda losses: objective.costs(losses, smooth=True), losses)
     gradients = jnp.einsum("rs,rsp->sp", weigh(jnp.ones_like(costs))[0], own)
     if rigs is not None:
@@ -101,7 +100,7 @@ def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objectiv
     return costs, gradients
 
 
-def _bounded(gradients):
+def bounded(gradients):
     """Gradients (lanes, parameters), none longer than `LARGEST_GRADIENT`; one that has overflowed counts as none."""
     finite = jnp.all(jnp.isfinite(gradients), axis=1, keepdims=True)
     gradients = jnp.where(finite, gradients, 0.0)
@@ -119,6 +118,5 @@ def problem_of(config: TuningConfig) -> ControllerProblem:
     box, batch = setup.box(), batch_of(setup)
     given = np.stack([box.point({**setup.initial, **known}) for known in ({}, *config.known)])
     rigs = None if config.largest_contraction is None else rig_loops(setup)
-    passes = Regulation(config) if config.vehicle is not None and config.vehicle.regulation else None
-    objective = Objective(config.objective, config.tail)
+    objective, passes = Objective(config.objective, config.tail), regulation_of(config)
     return ControllerProblem(setup, batch, objective, box, given, batch.rows, rigs, passes)

@@ -13,15 +13,17 @@ import jax.numpy as jnp
 import numpy as np
 
 from absjax.loop.vehicle_loop import VehicleLoop
+from tuning.cars.car import CarFigures
+from tuning.cars.entry import VehicleEntry
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import with_parameters
 from tuning.controllers.setup import Setup
-from tuning.vehicle.cars import CarFigures
-from tuning.vehicle.entry import VehicleEntry
 from tuning.vehicle.regulation.lanes import Clocked, lanes_of, loops_of, run
 from tuning.vehicle.regulation.screening import LOADS, Quantity, adhesions_of, all_quantities, row_of
 
 USUAL: dict[str, Any] = {"model": "four_wheel", "wiring": "select_low_rear"}
+FINALISTS = 8
+"""Sets that are screened in a generation."""
 
 
 def on_car(config: TuningConfig, figures: CarFigures, *, laden: bool) -> Setup:
@@ -45,6 +47,11 @@ def clocked(setup: Setup, located: bool = False) -> Clocked:
         return (loop, setup.step) if located else setup.sampled(loop)
 
     return system
+
+
+def regulation_of(config: TuningConfig) -> "Regulation | None":
+    """What a configuration's sets have to pass, if they have to."""
+    return Regulation(config) if config.vehicle is not None and config.vehicle.regulation else None
 
 
 class Regulation:
@@ -74,6 +81,14 @@ class Regulation:
         sets = np.stack(list(parameters.values()), axis=1)
         margins = np.array([self._margins(dict(zip(parameters, map(float, one)))) for one in sets])
         return np.clip(-margins, 0.0, 1.0).sum(axis=1)
+
+    def judged(self, costs: np.ndarray, parameters: Mapping[str, Any], charge: float) -> np.ndarray:
+        """Costs (sets,) of which the best few are charged for what they breach, and the others are out."""
+        best = np.argsort(costs)[:FINALISTS]
+        breached = self.breaches({name: values[best] for name, values in parameters.items()})
+        charged = costs + 2 * charge
+        charged[best] = costs[best] + breached + charge * (breached > 0)
+        return charged
 
     def warnings(self, values: Mapping[str, Any]) -> list[str]:
         """A sentence for every row that is breached."""

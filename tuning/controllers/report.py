@@ -32,6 +32,27 @@ def tuning_rows(result: TuningResult) -> list[dict[str, Any]]:
     ]
 
 
+def split_rows(result: TuningResult) -> list[dict[str, Any]]:
+    """The sets in training, validation and test draws, above ideal."""
+
+    def above(ratio: float | None) -> str:
+        return "-" if ratio is None else f"{100 * (ratio - 1):.2f}"
+
+    return [
+        {
+            "draws": row.split,
+            "set": row.which,
+            "stops": row.stops,
+            "mean above ideal [%]": above(row.mean),
+            "worst 5 % [%]": above(row.worst),
+            "do not end": row.unfinished,
+            "lock > 15 km/h": row.locked,
+            "stuck": row.stuck,
+        }
+        for row in result.splits
+    ]
+
+
 def stop_cell(figures: StopFigures) -> str:
     """A distance from the pedal, or how the stop failed to end."""
     return cell(figures.distance) if figures.outcome == "STOPPED" else figures.outcome.lower().replace("_", " ")
@@ -54,7 +75,7 @@ def parameter_line(result: TuningResult) -> str:
 def cycles_line(result: TuningResult) -> str:
     """What is certified of the limit cycles, on a line."""
     if not result.cycles:
-        return "it does not cycle"
+        return "limit cycles: none looked for" if result.config.vehicle is not None else "it does not cycle"
     attractive = [row for row in result.cycles if row.certified]
     line = f"limit cycles: {len(attractive)} of {len(result.cycles)} roads and speeds found and attractive"
     found = [(row.contraction, row) for row in result.cycles if row.contraction is not None]

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from absjax.encoder.encoder import Encoder
 from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.sensors.encoder import EncoderSensor
 from tuning.controllers.setup import Setup
 from tuning.encoder.chains import measured_chain
@@ -30,7 +31,7 @@ class Setting(NamedTuple):
         """For figures and tables."""
         return self.name if self.period is None or self.name != "sampled" else f"sampled, {1e3 * self.period:g} ms"
 
-    def applied(self, setup: Setup, loop: ClosedLoop) -> tuple[Any, float]:
+    def applied(self, setup: Setup, loop: ClosedLoop | VehicleLoop) -> tuple[Any, float]:
         """The system to roll out, and its grid step [s]."""
         if self.period is None:
             return loop, setup.step

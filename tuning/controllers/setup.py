@@ -7,6 +7,7 @@ from typing import Any
 
 from absjax.controllers.base import Controller
 from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.delayed_loop import DelayedLoop, nodes_of
 from absjax.loop.driver import Driver
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.sampled_vehicle import SampledVehicle
@@ -19,13 +20,13 @@ from absjax.plant.test_rig import TestRig
 from absjax.plant.wheel import Wheel
 from absjax.sensors.base import Sensor
 from absjax.tyres.surfaces import SURFACES
+from tuning.cars.entry import of_axle
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import in_control_unit
 from tuning.core import components
 from tuning.core.box import Box, box_of, joined
 from tuning.core.config import ConfigError
 from tuning.core.roads import tyres_by_name
-from tuning.vehicle.entry import of_axle
 
 
 @dataclasses.dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Setup:
         if config.vehicle is not None:
             wheel = _axle_wheel(config, 0)
         try:
-            brake = Brake(config.rate_limit, config.lag, config.delay)
+            brake = Brake(config.rate_limit, config.lag, None if config.predicts else config.delay)
             driver = Driver(config.pedal_rate, config.foot_delay, config.driver_pressure)
         except ValueError as error:
             raise ConfigError(str(error)) from None
@@ -67,10 +68,11 @@ class Setup:
         sensor = config.sensor_kind
         if sensor is not None:
             sensor = components.built("sensor_parameters", sensor, config.sensor_parameters)
+        known = {"delay": config.delay} if config.predicts and config.delay else {}
         initial = {
             prefix + name: value
             for prefix in config.prefixes
-            for name, value in components.initial(config.kind, _without(prefix, config.start)).items()
+            for name, value in components.initial(config.kind, {**known, **_without(prefix, config.start)}).items()
         }
         setup = cls(config, config.kind, wheel, brake, driver, observer, sensor, initial, step)
         setup.loop_of()
@@ -113,7 +115,11 @@ class Setup:
         """The closed loop on a road or tyre curve; the pedal's pressure rate [bar/s] may carry lanes."""
         driver = self.driver if pedal_rate is None else dataclasses.replace(self.driver, rate=pedal_rate)
         stop_speed = self.config.stop_speed_kmh / 3.6
-        return ClosedLoop(self.plant(as_road(road)), self.brake, controller, stop_speed, self.observer, driver)
+        parts = self.plant(as_road(road)), self.brake, controller, stop_speed, self.observer, driver
+        if self.config.predicts:
+            delay = self.config.delay or 0.0
+            return DelayedLoop(*parts, delay=delay, nodes=nodes_of(delay, self.step))
+        return ClosedLoop(*parts)
 
     def rig_loop(self, controller: Controller, road: Road, speed: Any) -> ClosedLoop:
         """The same on a rig at constant speed [m/s], where limit cycles are looked for."""
@@ -142,8 +148,9 @@ class Setup:
         """A loop under the clock of a control unit, with the configured sensor unless one is given; its grid step."""
         step, ticks = self.sampled_grid(period)
         vehicle = self.config.vehicle
-        told = () if vehicle is None else (vehicle.estimator(), vehicle.accelerometer())
-        return in_control_unit(loop, ticks, self.substeps(period), sensor or self.sensor, *told), step
+        told = (None, None) if vehicle is None else (vehicle.estimator(), vehicle.accelerometer())
+        how = ticks, self.substeps(period), step * ticks, sensor or self.sensor
+        return in_control_unit(loop, *how, *told, self.config.delay), step
 
     def box(self) -> Box:
         """The tuned parameters, their limits and their order.

@@ -1,12 +1,14 @@
 """What the commands of the command line share: options, checks before work begins, and reports after it."""
 
+import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from tuning.core.terminal import bar, clear_errors, print_report, print_study, say
+from tuning.core.about import About
+from tuning.core.terminal import INTERRUPTED, bar, clear_errors, print_report, say
 
 __all__ = ["Force", "Out", "Resume", "carry_out", "configuration", "journal_path", "say", "tune", "tuned"]
 
@@ -19,22 +21,42 @@ Run = Callable[[Any, Any], Any]
 """Makes a report, from where to tell of its progress and the journal it keeps."""
 
 
-def carry_out(out: Path, work: Work, *, source: Path | None = None, force: bool = False, resume: bool = False) -> None:
-    """Do the work of a command: checked before it begins, what it finds printed, errors said in a line.
+def carry_out(
+    out: Path,
+    work: Work,
+    *,
+    about: About | None = None,
+    source: Path | None = None,
+    force: bool = False,
+    resume: bool = False,
+) -> None:
+    """Do the work of a command: checked before it begins, what it finds printed and reported, errors said in a line.
+
+    Its tables are written as CSV, and all there is into one page, `report.html`.
 
     Args:
+        about: what the command says of itself on that page; its help if None.
         source: the file of the configuration, for messages.
     """
     with clear_errors(source):
         from tuning.core.files import require_folder
+        from tuning.core.page import write_page
+        from tuning.core.report import write_tables
 
         inputs, run = work()
         require_folder(out, inputs, force=force, resume=resume)
-        found = run()
-        if isinstance(found, Iterator):
-            print_study(found, out)
-        else:
-            print_report(found)
+        begun, reports, found = time.monotonic(), [], run()
+        for report in found if isinstance(found, Iterator) else (found,):
+            reports.append(report._replace(files=[*report.files, *write_tables(report, out / "tables")]))
+            print_report(reports[-1])
+            if report.interrupted:
+                break
+        seconds = time.monotonic() - begun
+        page = write_page(out / "report.html", reports, about, seconds)
+        say(f"done in {seconds:.0f} s; all of it on a page: {page}")
+        if reports[-1].interrupted:
+            say("interrupted: this is the best there is; go on with --resume")
+            raise typer.Exit(INTERRUPTED)
 
 
 def tune(
@@ -43,6 +65,7 @@ def tune(
     path: Path | None,
     load: Callable[[], tuple[Any, Callable[[Any], Run]]],
     *,
+    about: About | None = None,
     changes: dict[str, Any] | None = None,
     inputs: dict[str, Path | None] | None = None,
     resume: bool = False,
@@ -54,6 +77,7 @@ def tune(
         command: its name.
         path: of the configuration.
         load: gives the class of the configuration, and what prepares a run of one; imports what they need.
+        about: what the command says of itself in its report.
         changes: entries of the command line that override those of the file.
         inputs: further files the run is of, by name.
     """
@@ -64,22 +88,26 @@ def tune(
         if changes and isinstance(data, dict):
             data = {**data, **changes}
         wanted = kind.from_json(data)
-        run, about = (
+        run, of = (
             prepare(wanted),
             {name: None if file is None else str(file) for name, file in (inputs or {}).items()},
         )
-        return (path, *(inputs or {}).values()), lambda: tuned(command, wanted, out, run, about=about, resume=resume)
+        return (path, *(inputs or {}).values()), lambda: tuned(command, wanted, out, run, of=of, resume=resume)
 
-    carry_out(out, work, source=path, force=force, resume=resume)
+    carry_out(out, work, about=about, source=path, force=force, resume=resume)
 
 
 def tuned(
-    command: str, wanted: Any, out: Path, run: Run, *, about: dict[str, Any] | None = None, resume: bool = False
+    command: str, wanted: Any, out: Path, run: Run, *, of: dict[str, Any] | None = None, resume: bool = False
 ) -> Any:
-    """Report of a run of a configuration, with its journal in the folder and its progress on the terminal."""
+    """Report of a run of a configuration, with its journal in the folder and its progress on the terminal.
+
+    Args:
+        of: what else the run is of, for the journal.
+    """
     from tuning.core.journal import Journal
 
-    identity = {"command": command, "config": wanted.to_json(), **(about or {})}
+    identity = {"command": command, "config": wanted.to_json(), **(of or {})}
     journal = Journal(journal_path(out), identity, resume=resume)
     with bar(f"{command}: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
         return run(progress, journal)

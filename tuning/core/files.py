@@ -16,9 +16,14 @@ LARGEST_JSON = 2**24
 
 def write_json(path: Path, data: dict[str, Any]) -> Path:
     """Write `data`; an existing file is replaced only by a complete one."""
+    return write_whole(path, json.dumps(data, indent=1, allow_nan=False) + "\n")
+
+
+def write_whole(path: Path, text: str) -> Path:
+    """Write text as UTF-8; an existing file is replaced only by a complete one."""
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_suffix(path.suffix + ".part")
-    unfinished.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n")
+    unfinished.write_bytes(text.encode("utf-8", "replace"))
     os.replace(unfinished, path)
     return path
 

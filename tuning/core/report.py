@@ -10,6 +10,9 @@ from rich.text import Text
 
 from tuning.core.files import write_csv
 
+LONGEST_NAME = 100
+"""Characters of a table's file."""
+
 
 class Report(NamedTuple):
     """What a task found: tables by title, lines of text, files written."""
@@ -19,6 +22,14 @@ class Report(NamedTuple):
     files: list[Path]
     interrupted: bool = False
     """whether it was ended from the keyboard"""
+    verdict: str | None = None
+    """in a word, whether what was found can be trusted; None where nothing is judged"""
+    reasons: Sequence[str] = ()
+    """of the verdict"""
+    warnings: Sequence[str] = ()
+    """lines that whoever uses what was found should have read"""
+    seeds: Mapping[str, Any] = {}
+    """of random numbers, by what is drawn, where no configuration has them"""
 
 
 def cell(value: float | None, digits: int = 2) -> str:
@@ -38,7 +49,7 @@ def rows_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
 
 def table_name(title: str) -> str:
     """Of its file, after the title up to a colon."""
-    return re.sub(r"[^a-z0-9]+", "_", title.lower().split(":")[0]).strip("_")
+    return re.sub(r"[^a-z0-9]+", "_", title.lower().split(":")[0]).strip("_")[:LONGEST_NAME] or "table"
 
 
 def write_tables(report: Report, folder: Path) -> list[Path]:

@@ -3,7 +3,7 @@
 import contextlib
 import sys
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -60,26 +60,15 @@ def bar(label: str):
     yield line
 
 
-def print_study(reports: Iterable[Any], out: Path) -> None:
-    """Print the reports of a study as they come, their tables written as CSV besides."""
-    from tuning.core.report import write_tables
-
-    begun = time.monotonic()
-    for report in reports:
-        print_report(report._replace(files=[*report.files, *write_tables(report, out / "tables")]))
-    say(f"done in {time.monotonic() - begun:.0f} s; open the figures in {out}/")
-
-
 def print_report(report: Any) -> None:
-    """Print the tables, lines and files of a `tuning.core.report.Report`; exit as interrupted if it is."""
+    """Print the tables, lines and files of a `tuning.core.report.Report`."""
     from tuning.core.report import rows_table
 
     for title, rows in report.tables.items():
         console.print(rows_table(rows, title))
-    for line in report.lines:
+    if report.verdict is not None:
+        say(f"verdict: {report.verdict}")
+    for line in (*(f"  {reason}" for reason in report.reasons), *report.lines, *report.warnings):
         say(line)
     if report.files:
         say("written: " + ", ".join(map(str, report.files)))
-    if report.interrupted:
-        say("interrupted: this is the best there is; go on with --resume")
-        raise typer.Exit(INTERRUPTED)

@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from tuning.core.command import Force, Out, Resume, carry_out, tune
+from tuning.encoder.about import ENCODER, ENCODER_STUDY, TUNE_ENCODER
 
 Kind = Literal["ticks", "seconds", "periods", "levels"]
 
@@ -42,7 +43,7 @@ def encoder(
         wanted = chain_for(edges.filled, events, harmonics, chain)
         return (log, chain), lambda: study_edges(edges, out, wanted, period)
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=ENCODER, force=force)
 
 
 def tune_encoder(
@@ -61,7 +62,7 @@ def tune_encoder(
 
         return EncoderConfig, lambda wanted: lambda progress, journal: tasks.tune(wanted, out, progress, journal)
 
-    tune("tune-encoder", out, config, load, resume=resume, force=force)
+    tune("tune-encoder", out, config, load, about=TUNE_ENCODER, resume=resume, force=force)
 
 
 def encoder_study(
@@ -77,4 +78,4 @@ def encoder_study(
 
         return (), lambda: study(out, encoders, hours)
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=ENCODER_STUDY, force=force)

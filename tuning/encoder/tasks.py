@@ -115,8 +115,7 @@ def study_edges(edges: EdgeStudy, out: Path, chain: WheelSpeedChain, period: flo
         files.append(save(figures.tooth_figure(errors), out / "teeth.png"))
     if study.coefficients and rows:
         files.append(save(figures.coefficients_figure(study), out / "coefficients.png"))
-    lines = [f"verdict: {verdict}", *(f"  {reason}" for reason in reasons), *notes]
-    return Report(tables, lines, files)
+    return Report(tables, notes, files, verdict=verdict, reasons=reasons)
 
 
 def _write_signals(study: LogStudy, edges: EdgeStudy, path: Path) -> Path:
@@ -223,7 +222,8 @@ def study(out: Path, encoders: int = 20, hours: float = 1.0) -> Iterator[Report]
     yield report("XBS in the loop, 4-state observer", stiffness_rows(observed_courses(told)))
     for title, rows, files in _notch_filter(out, encoders):
         yield report(title, rows, *files)
-    yield Report({}, [], [write_json(out / "tables.json", tables)])
+    seeds = {"errors of the edges, time-stamping, models": imperfections.SEED, "all other encoders": "0, 1, 2, ..."}
+    yield Report({}, [], [write_json(out / "tables.json", tables)], seeds=seeds)
 
 
 def _imperfections(out: Path) -> Iterator[tuple[str, list[dict[str, Any]], list[Path]]]:

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from tuning.core.command import Force, Out, carry_out
+from tuning.logs.about import DESCRIBE
 
 Columns = Annotated[
     str | None,
@@ -38,4 +39,4 @@ def describe(
         given = car_of(log, car)
         return (log, given, channels), lambda: described(log, out, columns, channels, given, start, end)
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=DESCRIBE, force=force)

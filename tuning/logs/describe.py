@@ -41,8 +41,8 @@ def described(
     ]
     lines = [f"{name}: column {source.channel.name!r} in {source.unit.text}" for name, source in found.sources.items()]
     lines += found.log.notes
-    lines += [f"doubtful: {said}" for said in found.log.doubts] or ["nothing looks wrong"]
-    return Report({f"{found.log.name}: signals": _rows(result["signals"])}, lines, files)
+    verdict, tables = "doubtful" if found.log.doubts else "nothing looks wrong", _rows(result["signals"])
+    return Report({f"signals: {found.log.name}": tables}, lines, files, verdict=verdict, reasons=found.log.doubts)
 
 
 def description(found: Reading) -> dict[str, Any]:

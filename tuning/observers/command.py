@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from tuning.core.command import Force, Out, Resume, carry_out, tune
+from tuning.observers.about import OBSERVER_STUDY, TUNE_OBSERVER
 
 
 def tune_observer(
@@ -44,7 +45,17 @@ def tune_observer(
         return ObserverConfig, prepare
 
     changes, inputs = {} if observer is None else {"observer": observer}, {"log": log, "car": car}
-    tune("tune-observer", out, config, load, changes=changes, inputs=inputs, resume=resume, force=force)
+    tune(
+        "tune-observer",
+        out,
+        config,
+        load,
+        about=TUNE_OBSERVER,
+        changes=changes,
+        inputs=inputs,
+        resume=resume,
+        force=force,
+    )
 
 
 def observer_study(out: Out, force: Force = False) -> None:
@@ -55,4 +66,4 @@ def observer_study(out: Out, force: Force = False) -> None:
 
         return (), lambda: study(out)
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=OBSERVER_STUDY, force=force)

@@ -32,6 +32,7 @@ from tuning.observers.signals import LogSignals, force_stiffness, observer_signa
 from tuning.observers.study import (
     HELD_OUT_ROADS,
     NOISE,
+    NOISE_SEED,
     GainSet,
     clamp_rows,
     estimates,
@@ -73,7 +74,9 @@ def _outcome(result: ObserverResult, out: Path, tables, files) -> Report:
         *files,
     ]
     certificate = str(certify(observer)) if result.certificate else f"{result.config.observer} offers no certificate"
-    return Report(tables, [f"parameters: {parameters}", f"gains: {gains}", certificate], files, result.interrupted)
+    verdict, *conditions = map(str.strip, certificate.splitlines())
+    lines = [f"parameters: {parameters}", f"gains: {gains}"]
+    return Report(tables, lines, files, result.interrupted, verdict=verdict, reasons=conditions)
 
 
 def _pair(result: ObserverResult) -> list[GainSet]:
@@ -145,7 +148,7 @@ def tune_on_log(task: LogTask, out: Path, progress: Progress, journal: Journal) 
         error = found[gains.label] - truth
         parts = {"tuned on": (log.time >= log.time[0] + SETTLE) & (log.time < cut), "held out": log.time >= cut}
         rows.append({"gains": gains.label, **{k: round(float(rms(error, part)), 4) for k, part in parts.items()}})
-    title = f"rms of XBS against force, before and after {cut:g} s of {log.name}"
+    title = f"rms of XBS against force: before and after {cut:g} s of {log.name}"
     file = save(figures.log_figure(signals, truth, found, cut), out / "log.png")
     report = _outcome(result, out, {title: rows}, [file])
     window = min(LONGEST_WINDOW, 0.5 * (log.time[-1] - log.time[0]))
@@ -213,7 +216,7 @@ def _settling(sets, runs, out: Path) -> Report:
         held_out += held_out_rows(sets, held_out_runs(excitation), excitation)
         noise += noise_rows(sets, runs[excitation], excitation)
     file = save(figures.held_out_figure(held_out, HELD_OUT_ROADS), out / "held_out.png")
-    return Report(tables, [], [write_json(out / "settling.json", tables), file])
+    return Report(tables, [], [write_json(out / "settling.json", tables), file], seeds={"noise on x2": NOISE_SEED})
 
 
 NOISE_TITLE = f"XBS rms caused by {NOISE:g} m/s² of noise on x2 at 1 kHz"

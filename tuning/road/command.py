@@ -8,6 +8,7 @@ import typer
 
 from tuning.core.command import Force, Out, carry_out, say
 from tuning.logs.command import Channels, Columns
+from tuning.road.about import IDENTIFY
 
 
 def identify(
@@ -48,7 +49,7 @@ def identify(
             log, out, columns, given, load, start, end, tyre, channels=channels, edges=wheel, beside=others
         )
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=IDENTIFY, force=force)
 
 
 def identified(
@@ -91,11 +92,11 @@ def identified(
         result = identify_together([data, *others], known, tyre, progress=progress)[0]
     else:
         result = identify(data, known, tyre, progress=progress)
-    lines = [f"verdict: {result.verdict}", *(f"  {reason}" for reason in result.reasons), *result.notes]
+    lines = list(result.notes)
     lines += [f"{segment.start:.3f} s: {said}" for segment in result.segments for said in segment.statements]
     files = [write_json(out / "result.json", result.to_json()), *identification_figures(result, data, known, out)]
-    title = f"{result.log}: the road's friction curve, +- 95 %"
+    title = f"the road's friction curve, +- 95 %: {result.log}"
     tables = {title: identification_rows(result)}
     if result.quantities:
         tables["the car's own quantities, +- 95 %"] = quantity_rows(result)
-    return Report(tables, lines, files)
+    return Report(tables, lines, files, verdict=result.verdict, reasons=result.reasons)

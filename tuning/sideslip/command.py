@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from tuning.core.command import Force, Out, Resume, carry_out, tune
+from tuning.sideslip.about import SIDE_SLIP, SIDE_SLIP_STUDY, TUNE_SIDE_SLIP
 
 
 def side_slip(
@@ -31,7 +32,7 @@ def side_slip(
         data, known = tasks.read_with_car(log, car, parse_vehicle_columns(columns))
         return (log, car), lambda: tasks.study(data, known, wanted, out)
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=SIDE_SLIP, force=force)
 
 
 def side_slip_study(
@@ -49,7 +50,7 @@ def side_slip_study(
         given = [str(path) for path in tuned or []]
         return (*logs, *(tuned or [])), lambda: iter([tasks.compare(data, given, out)])
 
-    carry_out(out, work, force=force)
+    carry_out(out, work, about=SIDE_SLIP_STUDY, force=force)
 
 
 def tune_side_slip(
@@ -82,4 +83,4 @@ def tune_side_slip(
     changes |= {"held_out": list(map(str, held_out))} if held_out else {}
     changes |= {"each": True} if each else {}
     changes |= {"estimator": estimator} if estimator else {}
-    tune("tune-side-slip", out, config, load, changes=changes, resume=resume, force=force)
+    tune("tune-side-slip", out, config, load, about=TUNE_SIDE_SLIP, changes=changes, resume=resume, force=force)

@@ -24,7 +24,7 @@ from tuning.sideslip.bench import LogSet, errors_of
 from tuning.sideslip.config import SideSlipConfig
 from tuning.sideslip.estimators import ESTIMATORS, TITLES, estimator_of, parameters_of
 from tuning.sideslip.study import study_log
-from tuning.sideslip.tune import SideSlipResult, tune_side_slip
+from tuning.sideslip.tune import AFTER, BEFORE, SideSlipResult, tune_side_slip
 
 NARROW = 0.5
 """Share of the standard deviation of the side-slip over all logs below which one manoeuvre makes up the set."""
@@ -84,7 +84,7 @@ def study(log: VehicleLog, car: Car, estimator: Estimator, out: Path) -> Report:
             files.append(save(figure, out / "friction_parameter.png"))
     tables: dict[str, Any] = {}
     if errors:
-        tables[f"{log.name}: errors"] = [{"log": log.name, **{k: float(f"{v:.4g}") for k, v in errors.items()}}]
+        tables[f"errors: {log.name}"] = [{"log": log.name, **{k: float(f"{v:.4g}") for k, v in errors.items()}}]
     if signs:
         tables["choice functions along the run"] = [{k: float(f"{v:.4g}") for k, v in signs.items()}]
     if not tables:
@@ -149,6 +149,15 @@ def doubts(logs: Sequence[tuple[VehicleLog, Car]]) -> list[str]:
     return said
 
 
+def worsened(rows: Sequence[dict[str, Any]]) -> list[str]:
+    """The logs held out on which the tuned gains are worse than those before."""
+    return [
+        f"warning: {row['log']}, held out: the side-slip error grew from {row[BEFORE]:.3g} to {row[AFTER]:.3g} deg"
+        for row in rows
+        if row["tuned on"] == "no" and row[AFTER] > row[BEFORE]
+    ]
+
+
 def prepare(config: SideSlipConfig):
     """The logs of a configuration: tuned on, and held out."""
     return [read_with_car(Path(log)) for log in config.logs], [read_with_car(Path(log)) for log in config.held_out]
@@ -173,7 +182,7 @@ def tune(
         ],
         "errors": [_rounded(row) for row in result.logs],
     }
-    lines = doubts(tuned)
+    lines = []
     if result.each:
         tables["each log held out in turn"] = [_rounded(row) for row in result.each]
         for key, what in (("ratio", "held out"), ("ratio on the others, tuned on", "tuned on")):
@@ -182,7 +191,7 @@ def tune(
         beside = LogSet.of([log for log, _ in tuned], [car for _, car in tuned])
         better = np.degrees(errors_of(beside, ESTIMATORS["better"].make()).side_slip)
         for rows, what in ((result.each, "held out"), (result.logs[: len(tuned)], "tuned on all")):
-            ratios = np.array([row["side-slip after [deg]"] for row in rows]) / better
+            ratios = np.array([row[AFTER] for row in rows]) / better
             shown = ", ".join(f"{ratio:.3f}" for ratio in ratios)
             lines.append(
                 f"over that of the better gains, {what}: {shown}; geometric mean {_geometric_mean(ratios):.3f}"
@@ -192,7 +201,7 @@ def tune(
     ]
     files = [write_json(out / "result.json", result.to_json())]
     files.append(save(figures.history_figure(result.history), out / "history.png"))
-    return Report(tables, lines, files, result.interrupted)
+    return Report(tables, lines, files, result.interrupted, warnings=[*doubts(tuned), *worsened(result.logs)])
 
 
 def _geometric_mean(values) -> float:

@@ -28,6 +28,9 @@ from tuning.sideslip.bench import LogSet, errors_of
 from tuning.sideslip.config import SideSlipConfig
 from tuning.sideslip.estimators import parameters_of, with_values
 
+BEFORE, AFTER = "side-slip before [deg]", "side-slip after [deg]"
+"""Columns of the rms errors."""
+
 
 @dataclasses.dataclass(frozen=True)
 class SideSlipResult:
@@ -143,11 +146,10 @@ def tune_side_slip(
         other = fit(SideSlipProblem.of(config, _set(rest, config.biases)), config, progress=progress, journal=journal)
         told = with_values(start, other.values)
         row = _rows([tuned[i]], start, told)[0]
-        on = [(r["side-slip before [deg]"], r["side-slip after [deg]"]) for r in _rows(rest, start, told)]
+        on = [(r[BEFORE], r[AFTER]) for r in _rows(rest, start, told)]
         ratio = float(np.exp(np.mean([np.log(after / before) for before, after in on])))
         each.append(
-            {**row, "ratio": row["side-slip after [deg]"] / row["side-slip before [deg]"]}
-            | {"ratio on the others, tuned on": ratio, **other.values}
+            {**row, "ratio": row[AFTER] / row[BEFORE]} | {"ratio on the others, tuned on": ratio, **other.values}
         )
     return SideSlipResult(
         found.values, rows, each, found.on_limit, found.history, config, interrupted=found.interrupted
@@ -168,8 +170,8 @@ def _rows(logs: Sequence[tuple[VehicleLog, Car]], before: Estimator, after: Esti
     return [
         {
             "log": name,
-            "side-slip before [deg]": float(np.degrees(old.side_slip[i])),
-            "side-slip after [deg]": float(np.degrees(new.side_slip[i])),
+            BEFORE: float(np.degrees(old.side_slip[i])),
+            AFTER: float(np.degrees(new.side_slip[i])),
             "vy before [m/s]": float(old.lateral_speed[i]),
             "vy after [m/s]": float(new.lateral_speed[i]),
         }

@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from tuning.core.command import Force, Out, Resume, tune
+from tuning.speed.about import SPEED_STUDY
 
 
 def speed_study(
@@ -27,4 +28,4 @@ def speed_study(
 
         return SpeedConfig, prepare
 
-    tune("speed-study", out, config, load, resume=resume, force=force)
+    tune("speed-study", out, config, load, about=SPEED_STUDY, resume=resume, force=force)

@@ -73,9 +73,15 @@ class Stops(NamedTuple):
         return self._each(lambda values: values[index])
 
     def after_rolling(self, seconds: float) -> "Stops":
-        """The same stops, before which the wheels roll freely so much longer [s]."""
-        more = round(seconds / self.period)
-        return self._each(lambda x: np.concatenate([np.repeat(x[:, :1], more, axis=1), x], axis=1))
+        """The same stops, before which the wheels roll freely so much longer [s]; as many samples after them are cut.
+
+        Raises:
+            ValueError: if a controller still acts in those.
+        """
+        more, samples = round(seconds / self.period), self.active.shape[1]
+        if self.active[:, samples - more :].any():
+            raise ValueError(f"seconds = {seconds:g}: there is no such time after the stops that could be cut")
+        return self._each(lambda x: np.concatenate([np.repeat(x[:, :1], more, axis=1), x], axis=1)[:, :samples])
 
     def _each(self, change: Callable[[Any], Any]) -> "Stops":
         return self._replace(**{name: change(getattr(self, name)) for name in self._fields[:-1]})
@@ -165,7 +171,7 @@ class Told:
         return [f"{name.rsplit(', ', 3)[0]}, {name.rpartition(', ')[2]}" for name in self.names]
 
     def after_rolling(self, seconds: float) -> "Told":
-        """The same stops, before which the wheels roll freely so much longer [s], told anew."""
+        """The same after `Stops.after_rolling`, told anew."""
         stops = self.stops.after_rolling(seconds)
         return dataclasses.replace(self, stops=stops, samples=stops.told(*self.measured))
 

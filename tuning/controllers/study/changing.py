@@ -11,7 +11,6 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
-from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.stop import Stop, stop
 from absjax.plant.wheel import GRAVITY
 from tuning.controllers.batch import batch_of
@@ -68,7 +67,7 @@ def _seconds(value: float) -> str:
     return f"{value:.2f}" if np.isfinite(value) else "never"
 
 
-def recorded(config: TuningConfig, values: dict[str, float]) -> tuple[ClosedLoop, Stop]:
+def recorded(config: TuningConfig, values: dict[str, float]) -> tuple[Any, Stop]:
     """The stops of one set, sampled, with their trajectory."""
     setup = Setup.of(config)
     batch = batch_of(setup)

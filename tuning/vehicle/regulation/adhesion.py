@@ -23,8 +23,8 @@ from absjax.plant.brake import Brake
 from absjax.plant.road import UniformRoad
 from absjax.plant.two_axle import TwoAxle
 from absjax.tyres.base import Tyre
+from tuning.cars.car import CarFigures
 from tuning.core.config import require
-from tuning.vehicle.cars import CarFigures
 from tuning.vehicle.regulation.quantities import KMH, Weights, braking_rate
 
 SPEED, HIGH, LOW, END = 50.0, 40.0, 20.0, 19.0

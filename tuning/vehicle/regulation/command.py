@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from tuning.core.command import Force, Out, carry_out, configuration
+from tuning.vehicle.about import REGULATION
 
 
 def regulation(
@@ -33,4 +34,4 @@ def regulation(
             on_car(wanted, figures, laden=False)
         return (config,), lambda: tasks.regulation(wanted, chosen, out, located=located)
 
-    carry_out(out, work, source=config, force=force)
+    carry_out(out, work, about=REGULATION, source=config, force=force)

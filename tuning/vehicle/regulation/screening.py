@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from absjax.loop.sampled_loop import loop_state
 from absjax.loop.stop import Outcome, Stop
 from absjax.loop.vehicle_loop import VehicleLoop
-from tuning.vehicle.cars import CarFigures
+from tuning.cars.car import CarFigures
 from tuning.vehicle.regulation import adhesion
 from tuning.vehicle.regulation.course import Course, courses, rise_time
 from tuning.vehicle.regulation.lanes import Clocked, Lane, lanes_of, loops_of, run

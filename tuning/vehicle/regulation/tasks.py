@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from tuning.cars.car import CarFigures, shipped_cars
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import tuned_sets
 from tuning.controllers.regulation import clocked, on_car
@@ -13,7 +14,6 @@ from tuning.core.figures import save
 from tuning.core.files import write_csv, write_json
 from tuning.core.report import Report
 from tuning.core.version import VERSION
-from tuning.vehicle.cars import CarFigures, shipped_cars
 from tuning.vehicle.regulation.figures import stops_figure
 from tuning.vehicle.regulation.screening import LOADS, Row, Screened, screened
 

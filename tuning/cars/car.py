@@ -3,8 +3,8 @@
     "mid_size"
     {"unladen": {"mass": 1500.0, "to_front": 1.2, ...}, "wheelbase": 2.7, ...}
 
-Units and symbols are those of `absjax.plant.two_axle.TwoAxle` and `absjax.plant.four_wheel.FourWheel`; wheels, brakes and
-springs are given (front, rear), wheels and brakes each, springs of an axle.
+Units and symbols are those of `absjax.plant.two_axle.TwoAxle` and `absjax.plant.four_wheel.FourWheel`. Wheels, brakes
+and springs are given (front, rear), wheels and brakes each, springs of an axle.
 """
 
 import functools

@@ -16,9 +16,9 @@ from absjax.plant.vehicle import Vehicle
 from absjax.speed import SPEED_ESTIMATORS
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
+from tuning.cars.car import MODELS, CarFigures, car_entry
 from tuning.core.components import built, component
 from tuning.core.config import ConfigError, Entries, Flag, NonNegative, Real, Text, Values, choice, config
-from tuning.vehicle.cars import MODELS, CarFigures, car_entry
 
 WIRINGS: dict[str, dict[int, tuple[tuple[int, ...], ...]]] = {
     "independent": {2: ((0,), (1,)), 4: ((0,), (1,), (2,), (3,))},
@@ -35,15 +35,15 @@ class VehicleEntry(Entries):
     """A vehicle under anti-lock controllers.
 
     Attributes:
-        car: name of a shipped car, or its figures (`tuning.vehicle.cars.CarFigures`).
-        model: of `tuning.vehicle.cars.MODELS`.
+        car: name of a shipped car, or its figures (`tuning.cars.car.CarFigures`).
+        model: of `tuning.cars.car.MODELS`.
         laden: whether it is.
         wiring: of `WIRINGS`; select-low goes by the worse wheel of an axle.
         sets: of `SETS`.
         follows_load: whether controllers and observers know the load from the acceleration.
         speed: name of the estimator that the sampled control unit has for the vehicle's speed, in
-            `absjax.speed.SPEED_ESTIMATORS`, or `package.module:Class`; None tells it the true one. speed_parameters: its
-            fields.
+            `absjax.speed.SPEED_ESTIMATORS`, or `package.module:Class`; None tells it the true one.
+        speed_parameters: its fields.
         regulation: whether a set has to pass the screening after UN Regulation 13-H (`tuning.controllers.regulation`).
         accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
     """

@@ -1,0 +1,123 @@
+"""Whole vehicles in tuning: cars, entries, parameters of axles, the loop of a batch, what is told of the scenario."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from absjax.loop.vehicle_loop import VehicleLoop
+from absjax.plant.road import as_road
+from absjax.speed import KalmanSpeed
+from tuning.cars.car import car_entry, shipped_cars
+from tuning.cars.entry import WIRINGS, VehicleEntry, of_axle
+from tuning.controllers.batch import batch_of
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.loops import in_control_unit, loop_of_lanes
+from tuning.controllers.setup import Setup
+from tuning.core.config import ConfigError
+from tuning.vehicle.scenario import BLEND, CHANGES, Ride, figures_of
+
+OWN = {
+    "controller": "five_phase",
+    "vehicle": {"car": "small", "sets": "own", "speed": "kalman"},
+    "roads": ["dry_asphalt", "snow"],
+    "speeds_kmh": [30.0],
+    "stop_speed_kmh": 15.0,
+    "start": {"rear.eps0": 44.0},
+}
+
+
+@pytest.mark.parametrize("name", ["small", "mid_size", "van"])
+@pytest.mark.parametrize("laden", [False, True])
+def test_cars_stand_on_their_wheels(name, laden):
+    """Loads at rest add up to the weight; braked at 0.9 g no axle lifts; laden it is heavier, most of it behind."""
+    car = shipped_cars()[name]
+    for model, wheels in (("two_axle", 2), ("four_wheel", 4)):
+        vehicle = car.vehicle(model, (as_road("dry_asphalt"),) * wheels, laden=laden)
+        loads = [float(wheel.load) for wheel in vehicle.wheels]
+        assert sum(loads) == pytest.approx(float(vehicle.mass) * 9.81, rel=1e-9)
+        assert min(float(load) for load in vehicle.known_loads(-0.9 * 9.81, 0.0)) > 0.05 * sum(loads) / wheels
+    shares = [car.unladen.to_front, car.laden.to_front]
+    assert car.laden.mass > car.unladen.mass and shares[1] > shares[0]
+
+
+def test_a_vehicle_makes_the_loop_of_a_batch_with_sets_of_its_axles():
+    config = TuningConfig.from_json(OWN)
+    assert TuningConfig.from_json(config.to_json()) == config
+    setup = Setup.of(config)
+    assert setup.initial["rear.eps0"] == 44.0 and setup.initial["front.eps0"] == 50.0
+    box = setup.box()
+    assert {"front.u1", "rear.u1"} <= set(box.names) and ("front.eps4", "front.eps5") in {o[:2] for o in box.ordered}
+    batch = batch_of(setup)
+    assert isinstance(batch.loop, VehicleLoop) and isinstance(batch.estimator, KalmanSpeed)
+    own = {"front.eps1": np.array([21.0, 22.0, 23.0, 24.0]), "rear.eps1": np.array([31.0, 32.0, 33.0, 34.0])}
+    lanes = loop_of_lanes(batch.loop, own, batch.rows)
+    front, rear = (channel.controller for channel in lanes.channels)
+    np.testing.assert_array_equal(front.eps1, own["front.eps1"])
+    np.testing.assert_array_equal(rear.eps1, own["rear.eps1"])
+    assert lanes.vehicle.roads[0].tyre.c1.shape == (4,)
+    unit = in_control_unit(lanes, 1, 1, 1e-3, None, batch.estimator, batch.accelerometer)
+    assert unit.speed is batch.estimator and unit.accelerometer.bias == 0.5
+    assert np.all(np.isfinite(batch.ideal)) and batch.ideal[1] > 2 * batch.ideal[0]
+
+
+def test_one_set_serves_all_channels_of_every_wiring():
+    for name, wirings in WIRINGS.items():
+        for wheels, wiring in wirings.items():
+            model = "two_axle" if wheels == 2 else "four_wheel"
+            entry = VehicleEntry.from_json({"model": model, "wiring": name})
+            setup = Setup.of(TuningConfig(vehicle=entry))
+            loop = setup.loop_of({"eps1": 33.0, "eps2": 40.0})
+            assert loop.wheels_of == wiring and {c.controller.eps1 for c in loop.channels} == {33.0}
+    assert of_axle({"front.a": 1.0, "rear.a": 2.0, "b": 3.0}, 1) == {"a": 2.0, "b": 3.0}
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"vehicle": {"car": "medium"}}, "car: 'medium' is unknown.*mid_size"),
+        ({"vehicle": {"wiring": "select_low"}}, "needs the model four_wheel"),
+        ({"vehicle": {"speed": "gps"}}, "vehicle.speed: 'gps' is unknown"),
+        ({"vehicle": {}, "wheel": {"radius": 0.3}}, "without plant and wheel"),
+        ({"vehicle": {}, "largest_contraction": 0.9}, "limit cycles are those of one wheel"),
+        ({"vehicle": {}, "start": {"front.eps0": 40.0}}, "start: 'front.eps0' is unknown"),
+    ],
+)
+def test_what_cannot_be_is_refused_by_name(changes, message):
+    with pytest.raises(ConfigError, match=message):
+        TuningConfig.from_json(changes)
+
+
+def test_a_car_of_impossible_figures_is_refused():
+    figures = dataclasses.asdict(car_entry("mid_size"))
+    car = car_entry({**figures, "unladen": {**figures["unladen"], "to_front": 3.0}})
+    with pytest.raises(ConfigError, match="to_front"):
+        car.vehicle("two_axle", (as_road("dry_asphalt"),) * 2)
+
+
+def test_what_is_told_of_the_scenario():
+    """Of an estimate that is late by 20 ms and takes 0.3 s after each change, and a speed 10 % too low."""
+    time = np.arange(0.0, 7.0, 1e-3)
+    wave = np.sin(2 * np.pi * time)
+    late = np.sin(2 * np.pi * (time - 0.02))
+    for change in CHANGES:
+        late = np.where((time >= change) & (time < change + BLEND + 0.3), 5.0, late)
+    both, speed = np.stack([wave, wave]), np.full_like(time, 20.0)
+    active = np.stack([time > 1.0] * 2)
+    ride = Ride(
+        time,
+        speed,
+        0.9 * speed,
+        both,
+        both,
+        1e3 + 0 * both,
+        1.03e3 + 0 * both,
+        both,
+        np.stack([late] * 2),
+        both,
+        active,
+    )
+    told = figures_of(ride, 0)
+    assert told["speed error [%]"] == pytest.approx(10.0) and told["load error [%]"] == pytest.approx(3.0)
+    assert told["on snow [s]"] == pytest.approx(0.3, abs=2e-3) and told["on wet [s]"] == pytest.approx(0.3, abs=2e-3)
+    assert told["apart, median [ms]"] == pytest.approx(20.0, abs=0.5) and 80 < told["found [%]"] <= 100

@@ -1,0 +1,1 @@
+"""Cars and vehicles as configurations have them."""

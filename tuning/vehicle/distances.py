@@ -1,0 +1,113 @@
+"""Braking distances of a whole car: sets tuned on a quarter car and on the car, true speed and estimated.
+
+All cars brake under the same driver, 400 bar/s up to 150 bar, through actuators with a rate limit of 750 bar/s and a
+lag of 5 ms; the ideal is that of the car under the pedal (`absjax.loop.vehicle_ideal`). The settings: switchings
+located, told the truth; sampled every millisecond, told the truth; sampled, told a speed that a Kalman filter estimates
+from all
+wheels and an accelerometer with a bias.
+"""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from absjax.loop.stop import Outcome
+from tuning.controllers.batch import batch_of, scored
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.recipes import tuned_sets
+from tuning.controllers.rows import rows_of
+from tuning.controllers.setup import Setup
+from tuning.core.components import initial
+from tuning.core.files import shipped
+
+CONTROLLERS = "five_phase", "two_phase", "slip", "bosch", "production"
+"""Those of tables; two-phase goes by the true XBS here."""
+TO_STOP_KMH = 15.0
+"""Below this speed relaxed tyres and a control unit's tick leave little to control."""
+SETTINGS = "located", "sampled 1 ms", "sampled, estimated speed"
+
+
+class Found(NamedTuple):
+    """One set of a controller in one setting, over the rows of a configuration."""
+
+    controller: str
+    set: str
+    setting: str
+    excess: np.ndarray
+    """distance over ideal less 1, (rows,); nan where a stop does not end"""
+    longest_lock: np.ndarray
+    """above 15 km/h [s]"""
+    names: tuple[str, ...]
+    """of the rows"""
+
+    def row(self) -> dict[str, Any]:
+        """What is told of it."""
+        ended = np.isfinite(self.excess)
+        worst = int(np.nanargmax(self.excess)) if ended.any() else 0
+        return {
+            "controller": self.controller,
+            "set": self.set,
+            "setting": self.setting,
+            "mean above ideal [%]": round(100 * float(np.mean(self.excess[ended])), 2) if ended.any() else None,
+            "worst [%]": round(100 * float(self.excess[worst]), 2) if ended.any() else None,
+            "on": self.names[worst],
+            "do not end": int(np.sum(~ended)),
+            "locked over 0.2 s": int(np.sum(self.longest_lock > 0.2)),
+        }
+
+
+def car_sets() -> dict[str, dict[str, float]]:
+    """The sets tuned on a car, by controller."""
+    return shipped("vehicle_controllers.json")
+
+
+def sets_of(controller: str, axles: bool) -> dict[str, dict[str, float]]:
+    """The default set, that tuned on a quarter car, and that tuned on the car, of one controller.
+
+    Args:
+        axles: whether each axle has its own; a set of one wheel is then that of both.
+    """
+    kind = TuningConfig(controller=controller).kind
+    found = {"untuned": initial(kind, {}), "quarter car": initial(kind, tuned_sets()[controller].start)}
+    prefixes = ("front.", "rear.") if axles else ("",)
+    spread = {name: {p + n: v for p in prefixes for n, v in values.items()} for name, values in found.items()}
+    on_car = car_sets().get(controller)
+    return spread if on_car is None else {**spread, "car": on_car}
+
+
+def compared(config: TuningConfig, sets: Mapping[str, Mapping[str, float]]) -> list[Found]:
+    """Sets of one controller in every setting, over the rows of a configuration."""
+    vehicle = config.vehicle
+    told = dataclasses.replace(vehicle, speed="kalman", speed_parameters={})
+    names = tuple(f"{row.name}, {row.speed_kmh:g} km/h" for row in rows_of(config))
+    order = tuple(next(iter(sets.values())))
+    values = {name: np.array([chosen[name] for chosen in sets.values()]) for name in order}
+    found = []
+    for setting, chosen in zip(SETTINGS, (config, config, dataclasses.replace(config, vehicle=told))):
+        setup = Setup.of(chosen)
+        batch = batch_of(setup)
+        judged = scored(batch, values) if setting == SETTINGS[0] else scored(batch, values, *setup.sampled_grid())
+        stopped = np.asarray(judged.stops.outcome) == Outcome.STOPPED
+        excess = np.where(stopped, np.asarray(judged.stops.distance) / batch.ideal[:, None] - 1, np.nan)
+        locks = np.asarray(judged.stops.longest_lock[0])
+        found += [
+            Found(config.controller, name, setting, excess[:, i], locks[:, i], names) for i, name in enumerate(sets)
+        ]
+    return found
+
+
+def distances(car: Any, roads: Sequence[Any], speeds_kmh: tuple[float, ...], controllers=CONTROLLERS) -> list[Found]:
+    """Every set of every controller in every setting on a car."""
+    found = []
+    for controller in controllers:
+        config = TuningConfig(
+            controller=controller,
+            roads=tuple(roads),
+            speeds_kmh=speeds_kmh,
+            stop_speed_kmh=TO_STOP_KMH,
+            vehicle={"car": car, "sets": "own"},
+        )
+        found += compared(config, sets_of(controller, axles=True))
+    return found

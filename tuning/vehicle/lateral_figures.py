@@ -1,0 +1,78 @@
+"""Figures of whole vehicles."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from tuning.logs.vehicle_log import VehicleLog
+from tuning.vehicle.drive_log import Drive
+from tuning.vehicle.split_mu import Case
+
+REAL, DRIVEN = {"color": "k", "ls": "--", "lw": 1.0}, {"color": "C0", "lw": 1.0}
+
+
+def drive_figure(log: VehicleLog, found: Drive):
+    """Yaw rate, side-slip and lateral acceleration of a driven car against the truth, or what was measured."""
+    motion, truth = found.motion, log.truth
+    known = {"longitudinal_speed", "lateral_speed"} <= set(truth)
+    panels: list[tuple[str, Any, Any, str]] = [
+        (
+            "yaw rate [rad/s]",
+            motion.yaw_rate,
+            truth.get("yaw_rate", log.samples.yaw_rate),
+            "real" if "yaw_rate" in truth else "measured",
+        ),
+        (
+            "side-slip β [deg]",
+            np.degrees(motion.side_slip),
+            np.degrees(log.true_side_slip) if known else None,
+            "real",
+        ),
+        (
+            "lateral acceleration [m/s²]",
+            motion.lateral_acceleration,
+            log.samples.lateral_acceleration,
+            "measured",
+        ),
+        ("speed [m/s]", motion.longitudinal, truth.get("longitudinal_speed"), "real"),
+    ]
+    figure, axes = plt.subplots(len(panels), 1, figsize=(9, 2.2 * len(panels)), sharex=True)
+    for panel, (label, driven, real, what) in zip(axes, panels):
+        panel.plot(log.time, driven, **DRIVEN, label="driven by the log")
+        if real is not None:
+            panel.plot(log.time, real, **REAL, label=what)
+        panel.set_ylabel(label, fontsize="small")
+        panel.grid(alpha=0.3)
+        panel.legend(loc="upper right", fontsize="x-small")
+    axes[0].set_title(f"{log.name}\n{found.variant.title}, friction {found.friction:.2f}", fontsize="small")
+    axes[-1].set_xlabel("time [s]")
+    return figure
+
+
+def split_mu_figure(cases: Sequence[Case], title: str):
+    """Yaw rate and side-slip over time, a column for who steers; and what distance is paid for less of them."""
+    steering = list(dict.fromkeys(case.row["steering"] for case in cases))
+    controls = list(dict.fromkeys(case.row["control"] for case in cases))
+    colours = {control: f"C{i}" for i, control in enumerate(controls)}
+    figure, axes = plt.subplots(2, 3, figsize=(13, 6.5))
+    for case in cases:
+        column, colour = steering.index(case.row["steering"]), colours[case.row["control"]]
+        axes[0, column].plot(case.time, np.degrees(case.yaw_rate), color=colour, lw=1, label=case.row["control"])
+        axes[1, column].plot(case.time, np.degrees(case.side_slip), color=colour, lw=1)
+        for panel, name in zip(axes[:, 2], ("largest yaw rate [deg/s]", "largest side-slip [deg]")):
+            filled = colour if column == 0 else "none"
+            panel.plot(case.row["distance [m]"], case.row[name], "os"[column], color=colour, mfc=filled, ms=8)
+            panel.set(ylabel=name, yscale="log")
+    for column, name in enumerate(steering):
+        axes[0, column].set(title=f"steering: {name}", ylabel="yaw rate [deg/s]")
+        axes[1, column].set(xlabel="time [s]", ylabel="side-slip [deg]")
+    axes[0, 2].set_title(f"circles: {steering[0]}, squares: {steering[-1]}")
+    axes[1, 2].set_xlabel("distance [m]")
+    for panel in axes.flat:
+        panel.grid(alpha=0.3, which="both")
+    axes[0, 0].legend(fontsize="small")
+    figure.suptitle(title)
+    figure.tight_layout()
+    return figure
