@@ -171,7 +171,7 @@ def test_select_low_on_both_axles_misses_the_split_row():
     car = dataclasses.replace(car, relaxation=None)
     channel = Channel(Brake(), SlipControl(**shipped("controllers.json")["slip"]))
     loop = VehicleLoop(car, (channel, channel), 14 * KMH, wiring=((0, 1), (2, 3)))
-    found = stop(loop, 50 * KMH, horizon=5.0, max_events=100, save_every=2)
+    found = stop(loop, 50 * KMH, horizon=5.0, step=1e-3, max_events=100, save_every=4)
     assert Outcome(int(found.outcome)) is Outcome.STOPPED
     path = found.rollout.path
     rate = float(braking_rate(path.time, path.state.vehicle.motion.longitudinal, 40 * KMH, 20 * KMH))
