@@ -20,6 +20,7 @@ from absjax.plant.four_wheel import FourWheel
 from absjax.plant.road import UniformRoad
 from tuning.cars.car import shipped_cars
 from tuning.cli import app
+from tuning.controllers import regulation
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.regulation import on_car
 from tuning.core.config import ConfigError
@@ -178,6 +179,16 @@ def test_select_low_on_both_axles_misses_the_split_row():
     rows = judged(True, lambda stop: {"rate": rate} if stop.name == "split" else {})
     assert 0.25 < rate < 0.3
     assert [rows["split", name].passed for name in screening.SPLIT] == [False, False]
+
+
+def test_sets_that_breach_a_row_are_worse_than_all_that_do_not(monkeypatch):
+    """The best few are screened; of them those that breach are charged, and the others are out."""
+    monkeypatch.setattr(regulation, "FINALISTS", 3)
+    passes = object.__new__(regulation.Regulation)
+    monkeypatch.setattr(passes, "breaches", lambda sets: np.where(sets["a"] < 2.5, 0.25, 0.0))
+    costs, sets = np.array([4.0, 2.0, 1.0, 3.0]), {"a": np.array([4.0, 2.0, 1.0, 3.0])}
+    np.testing.assert_allclose(passes.judged(costs, sets, 10.0), [24.0, 12.25, 11.25, 3.0])
+    assert regulation.regulation_of(TuningConfig(vehicle={"car": "van"})) is None
 
 
 def test_what_cannot_be_screened_is_said(tmp_path):
