@@ -19,6 +19,7 @@ from tuning.controllers.batch import Batch, batch_of, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import exact_charges
 from tuning.controllers.problem import bounded
+from tuning.controllers.regulation import Regulation, regulation_of
 from tuning.controllers.scatter import scattered
 from tuning.controllers.setup import Setup
 from tuning.core.box import Box
@@ -51,6 +52,8 @@ class RunningProblem(Problem):
     members: int
     grid: tuple[float, int]
     """grid step, s, and steps to a tick"""
+    regulation: Regulation | None = None
+    """where a vehicle has to pass it"""
 
     def costs_and_gradients(self, points, members):
         """Costs at pairs of points beside each, and what their slope is."""
@@ -67,6 +70,8 @@ class RunningProblem(Problem):
     def judge(self, points):
         """Costs on the sampled loop, behind the chain; feasible sets before all others."""
         costs = self._costs(self.judged, points)
+        if self.regulation is not None:
+            return self.regulation.judged(costs, self.box.arrays(points), INFEASIBLE)
         largest = self.setup.config.largest_contraction
         if largest is None:
             return costs
@@ -131,4 +136,5 @@ def running_problem(config: TuningConfig) -> RunningProblem:
         given=given,
         members=judged.rows,
         grid=setup.sampled_grid(),
+        regulation=regulation_of(config),
     )

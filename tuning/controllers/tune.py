@@ -38,11 +38,17 @@ def tune_abs(
     if config.setting != "located":
         splits = all_splits(problem.setup, {"untuned": problem.setup.initial, "tuned": parameters})
     rows = score(problem, parameters)
+    breached = [] if problem.regulation is None else problem.regulation.warnings(parameters)
     return TuningResult(
         parameters=parameters,
         rows=rows,
         splits=splits,
-        warnings=short_phases(problem.setup, problem.batch, parameters) + unstable_stops(rows) + worse_apart(splits),
+        warnings=[
+            *short_phases(problem.setup, problem.batch, parameters),
+            *unstable_stops(rows),
+            *worse_apart(splits),
+            *breached,
+        ],
         cycles=certify_cycles(problem.setup, parameters),
         cost=fitted.cost,
         history=fitted.history,

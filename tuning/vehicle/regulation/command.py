@@ -25,12 +25,13 @@ def regulation(
     """Screening after UN Regulation 13-H, Annex 6: a simulation after it, no certificate."""
 
     def work():
+        from tuning.controllers.regulation import on_car
         from tuning.vehicle.regulation import tasks
 
         wanted = tasks.config_of(None if config is None else configuration(config), controller)
         chosen = tasks.cars_of(wanted, None if cars is None else cars.split(","))
         for figures in chosen.values():
-            tasks.on_car(wanted, figures, laden=False)
+            on_car(wanted, figures, laden=False)
         return (config,), lambda: tasks.regulation(wanted, chosen, out, located=located)
 
     carry_out(out, work, about=REGULATION, source=config, force=force)

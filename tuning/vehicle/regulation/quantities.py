@@ -7,8 +7,8 @@
 
 P is the weight, F_1 and F_2 the static loads of the axles, E the wheelbase, h the height of the centre of gravity; D is
 what the axle that is not braked holds back. The regulation has its rolling resistance there, 0.010 F of a driven and
-0.015 F of a free axle. The model's wheels have none: what they have is inertia, and push, D = -(J / R^2) z g of each. So
-k is that of the road, and no less is demanded.
+0.015 F of a free axle. The model's wheels have none: what they have is inertia, and push, D = -(J / R^2) z g of each.
+So k is that of the road, and no less is demanded.
 Source: UN Regulation No. 13-H, Annex 6, paragraphs 5.2 and 5.3, Appendix 2.
 """
 

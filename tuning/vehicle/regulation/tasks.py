@@ -5,22 +5,18 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-from absjax.loop.vehicle_loop import VehicleLoop
 from tuning.cars.car import CarFigures, shipped_cars
-from tuning.cars.entry import VehicleEntry
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import tuned_sets
-from tuning.controllers.setup import Setup
+from tuning.controllers.regulation import clocked, on_car
 from tuning.core.config import ConfigError, choice
 from tuning.core.figures import save
 from tuning.core.files import write_csv, write_json
 from tuning.core.report import Report
 from tuning.core.version import VERSION
 from tuning.vehicle.regulation.figures import stops_figure
-from tuning.vehicle.regulation.lanes import Clocked
 from tuning.vehicle.regulation.screening import LOADS, Row, Screened, screened
 
-USUAL: dict[str, Any] = {"model": "four_wheel", "wiring": "select_low_rear"}
 OWN = "own"
 """The car of the configuration, among the names of cars."""
 
@@ -40,20 +36,6 @@ def cars_of(config: TuningConfig, names: Sequence[str] | None) -> dict[str, CarF
     return {name: known[name] for name in names}
 
 
-def on_car(config: TuningConfig, figures: CarFigures, *, laden: bool) -> Setup:
-    """The setup of a set on a car of four wheels, all else as the configuration has it; without a vehicle there, it is
-    wired as cars are, with select-low behind.
-
-    Raises:
-        ConfigError: if it cannot be: names what.
-    """
-    entry = VehicleEntry(**USUAL) if config.vehicle is None else config.vehicle
-    vehicle = dataclasses.replace(entry, car=figures, model="four_wheel", laden=laden)
-    one_wheel = {"plant": "quarter_car", "plant_parameters": {}, "wheel": {}}
-    free = {"largest_contraction": None, "reference": "ideal"}
-    return Setup.of(dataclasses.replace(config, vehicle=vehicle, **one_wheel, **free))
-
-
 def shipped_set(name: str) -> TuningConfig:
     """The shipped tuned set of a controller; of one that has none, its defaults.
 
@@ -68,15 +50,6 @@ def screening_of(config: TuningConfig, car: str, figures: CarFigures, *, located
     setups = {laden: on_car(config, figures, laden=laden) for laden in LOADS}
     loops: dict[bool, Any] = {laden: setup.loop_of() for laden, setup in setups.items()}
     return screened(car, figures, loops, clocked(setups[False], located))
-
-
-def clocked(setup: Setup, located: bool) -> Clocked:
-    """What is rolled out of a loop."""
-
-    def system(loop: VehicleLoop) -> tuple[Any, float]:
-        return (loop, setup.step) if located else setup.sampled(loop)
-
-    return system
 
 
 def regulation(
