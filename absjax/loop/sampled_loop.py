@@ -40,8 +40,8 @@ def loop_state(state: Any) -> LoopState:
 
 def loop_time(time, state: Any):
     """The time of a state [s]; that of a ticking loop has moved with its clock, in its derivative."""
-    moved = isinstance(state, SampledState) and state.clock is not None
-    return time + state.clock.shift if moved else time
+    clock = state.clock if isinstance(state, SampledState) else None
+    return time if clock is None else time + clock.shift
 
 
 @model

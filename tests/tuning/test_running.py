@@ -59,7 +59,7 @@ def test_what_cannot_be_scattered_is_refused():
     changing = {"surfaces": ["dry_asphalt", "snow"], "changes": [5.0]}
     with pytest.raises(ConfigError, match="not scattered"):
         running_problem(TuningConfig.from_json({"setting": "sampled", "roads": [changing]}))
-    with pytest.raises(ConfigError, match="scatter"):
-        TuningConfig(setting="chain", scatter={"weight": 0.1})
+    with pytest.raises(ConfigError, match="conditions"):
+        TuningConfig(setting="chain", conditions={"weight": 0.1})
     with pytest.raises(ConfigError, match="reference"):
         TuningConfig(setting="chain", reference="published")

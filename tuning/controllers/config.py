@@ -99,7 +99,7 @@ class TuningConfig(SearchConfig):
             told the truth but for noise and radius, or what `sensor` tells; 'chain': the same, told by an encoder.
         chain: 'edges': a window of 12 ms, the encoder's errors taken off through the edges; 'window': the last 12.
         draws: of every row, in training; checked: in validation and test each, for a setting other than 'located'.
-        scatter: how much conditions scatter, by name of `tuning.controllers.scatter.Scatter`.
+        conditions: how much they scatter, by name of `tuning.controllers.config.Scatter`.
         smoothing: standard deviation of the scatter of points a slope is fitted over, on the scales of the box.
     """
 
@@ -137,7 +137,7 @@ class TuningConfig(SearchConfig):
     chain: Literal["edges", "window"] = "edges"
     draws: Count = 8
     checked: Count = 8
-    scatter: Values = dataclasses.field(default_factory=dict)
+    conditions: Values = dataclasses.field(default_factory=dict)
     smoothing: Positive = 0.03
 
     def __post_init__(self):
@@ -162,9 +162,9 @@ class TuningConfig(SearchConfig):
             require("cycle_speeds_kmh", speed, speed <= FASTEST_KMH, f"at most {FASTEST_KMH:g}")
         require("starts", self.starts, self.starts > len(self.known), "more than the known sets")
         require("plant", self.plant, self.plant_kind is not None, "given")
-        for name, value in self.scatter.items():
-            choice("scatter", name, Scatter._fields)
-            require(f"scatter.{name}", value, 0 <= value <= 1 or name == "noise", "between 0 and 1")
+        for name, value in self.conditions.items():
+            choice("conditions", name, Scatter._fields)
+            require(f"conditions.{name}", value, 0 <= value <= 1 or name == "noise", "between 0 and 1")
         if self.setting != "located":
             require(
                 "reference", self.reference, self.reference == "ideal", "'ideal' for a setting other than 'located'"

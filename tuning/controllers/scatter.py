@@ -51,7 +51,7 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     Raises:
         ConfigError: if a road changes: only uniform ones are scattered.
     """
-    scatter = Scatter(**setup.config.scatter)
+    scatter = Scatter(**setup.config.conditions)
     draws = setup.config.draws if split == "training" else setup.config.checked
     config, rows = setup.config, rows_of(setup.config)
     rng = np.random.default_rng((config.seed, SPLITS.index(split)))
@@ -80,7 +80,8 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
         delay=np.asarray(setup.driver.delay) + phase,
     )
     loop = setup.loop(setup.controller(), UniformRoad(tyre))
-    plant = dataclasses.replace(loop.plant, wheel=wheel)
+    nominal: Any = loop.plant
+    plant = dataclasses.replace(nominal, wheel=wheel)
     brake = Brake(setup.brake.rate_limit, lag, setup.brake.delay)
     loop = dataclasses.replace(loop, plant=plant, brake=brake, driver=driver)
     slowest = max(v / (GRAVITY * float(m)) for v, m in zip(speed, np.asarray(tyre.peak().friction)))
