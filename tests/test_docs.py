@@ -30,6 +30,7 @@ CONFIGURATIONS: dict[str, type[Entries]] = {
     "encoder.md": EncoderConfig,
     "side-slip.md": SideSlipConfig,
     "speed.md": SpeedConfig,
+    "regulation.md": TuningConfig,
 }
 
 

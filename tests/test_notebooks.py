@@ -18,6 +18,7 @@ def test_there_are_notebooks():
         "edges_to_wheel_speed",
         "side_slip",
         "input_delay",
+        "whole_vehicles",
     }
 
 

@@ -19,10 +19,10 @@ FLOORS = (
     ("tuning.encoder",),
     ("tuning.sideslip",),
     ("tuning.speed",),
-    ("tuning.cars",),
+    ("tuning.cars", "tuning.vehicle.regulation"),
     ("tuning.controllers",),
     ("tuning.delay",),
-    ("tuning.vehicle",),
+    ("tuning.vehicle", "tuning.vehicle.regulation.tasks", "tuning.vehicle.regulation.command"),
     ("tuning.cli", "tuning.__main__", "tuning"),
 )
 """From the ground up: a room imports from its own floor and those below."""

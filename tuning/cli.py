@@ -16,6 +16,7 @@ from tuning.road import command as road
 from tuning.sideslip import command as sideslip
 from tuning.speed import command as speed
 from tuning.vehicle import command as vehicle
+from tuning.vehicle.regulation import command as screening
 
 # Without markup: help and errors show units and names in brackets as they are.
 app = typer.Typer(
@@ -31,6 +32,7 @@ COMMANDS = {
     "tune-abs": controllers.tune_abs,
     "abs-sets": controllers.abs_sets,
     "abs-study": controllers.abs_study,
+    "gradient-study": controllers.gradient_study,
     "tune-observer": observers.tune_observer,
     "observer-study": observers.observer_study,
     "encoder": encoder.encoder,
@@ -44,6 +46,7 @@ COMMANDS = {
     "split-mu": vehicle.split_mu,
     "drive-log": vehicle.drive_log,
     "delay-study": delay.delay_study,
+    "regulation": screening.regulation,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""

@@ -3,6 +3,7 @@
 from absjax.controllers.base import Controller
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.five_phase import FivePhase
+from absjax.controllers.no_control import NoControl
 from absjax.controllers.predictive_tracking import PredictiveTracking
 from absjax.controllers.predictive_two_phase import PredictiveTwoPhase
 from absjax.controllers.production import ProductionLogic
@@ -21,6 +22,11 @@ CONTROLLERS: dict[str, type[Controller]] = {
     "production": ProductionLogic,
 }
 """By name."""
+
+BASELINES: dict[str, type[Controller]] = {
+    "no_control": NoControl,
+}
+"""By name, those with nothing to tune."""
 
 PREDICTIVE: dict[str, type[Controller]] = {
     "predictive_tracking": PredictiveTracking,

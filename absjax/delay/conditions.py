@@ -40,7 +40,8 @@ def conditions(alpha: Any, beta: Any, delay: Any, lipschitz: Any) -> tuple[GainC
     """Both conditions.
 
     Args:
-        alpha, beta: gains (n,).
+        alpha: gains of the law (n,).
+        beta: gains of the biases (n,).
         delay: h*, s.
         lipschitz: gamma_1, 1/s.
     """

@@ -25,6 +25,14 @@ class ReadsItsPast:
     nodes: int
     tick_every: int = 1
 
+    def flow(self, time, state: Any, mode) -> Any:
+        """d(state)/dt."""
+        raise NotImplementedError
+
+    def kept(self, time, state: Any) -> Any:
+        """What is kept of an instant, an array (signals,)."""
+        raise NotImplementedError
+
     def require_step(self, step: float) -> None:
         """Check the grid step [s] of a rollout.
 

@@ -15,7 +15,7 @@ Source: Hoang 2014 (thesis), eq. 7.2 to 7.25; there z2^P has branches for the si
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import jax.numpy as jnp
 
@@ -71,6 +71,13 @@ class Predicting:
     )
     ticks: int = 0
     """of the delay in a control unit; 0 where switchings are located"""
+
+    if TYPE_CHECKING:
+        wheel: ClassVar[Any]
+
+        def target(self, time, state, phase) -> tuple[Any, Any]: ...
+        def pull(self, signals: Signals) -> Any: ...
+        def follows(self, phase) -> Any: ...
 
     def in_unit(self, ticks: int) -> Any:
         """The controller for a control unit in which the delay it knows is so many ticks."""

@@ -114,7 +114,8 @@ def predictor_root(chain: Chain, x, alpha, beta, delay):
     """Real part of the rightmost root of the predictor's closed loop, the chain made linear at x (n,), 1/s.
 
     Args:
-        alpha, beta: gains (n,).
+        alpha: gains of the law (n,).
+        beta: gains of the biases (n,).
         delay: h, s, which the predictor knows.
     """
     M = jax.jacfwd(lambda x: field(chain, x))(jnp.asarray(x, jnp.result_type(float)))

@@ -207,12 +207,14 @@ class SampledTracking(Smooth):
         """One pass of the control unit."""
         row, defined = state.ring.rows[-1], state.ring.known[-1]
         half = 0.5 * (time - state.tick)
-        integrals, law = state.integrals, None
+        integrals, rates = state.integrals, state.rates
+        law = _law(self, state.x, state.reference, row, integrals, defined)
         # T_i waits for the prediction of i + 1: after n passes all are those of this tick.
-        for _ in range(self.chain.order + 1):
-            law = _law(self, state.x, state.reference, row, integrals, defined)
+        for _ in range(self.chain.order):
             rates = tuple(law.rates.reshape(-1))
             integrals = tuple(s + half * (a + b) for s, a, b in zip(state.integrals, rates, state.rates))
+            law = _law(self, state.x, state.reference, row, integrals, defined)
+        rates = tuple(law.rates.reshape(-1))
         level = self.reference.level(time + EDGE * (time - state.tick)) + 0.0 * time
         acting = row[0]
         after = SampledTrackingState(

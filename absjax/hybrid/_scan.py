@@ -16,7 +16,7 @@ from jax import lax
 from jax.custom_derivatives import SymbolicZero
 
 from absjax.hybrid import _step, _tangent
-from absjax.hybrid._step import Grid, Tile
+from absjax.hybrid._step import Grid, Lanes, Tile
 
 
 class Plan(NamedTuple):
@@ -38,6 +38,10 @@ class Record(NamedTuple):
     mode: jax.Array
     arrived: jax.Array
     jumped: jax.Array
+
+
+def _is_zero(tangent) -> bool:
+    return isinstance(tangent, SymbolicZero)
 
 
 def _zero_tangent(leaf):
@@ -70,11 +74,11 @@ def _segment(system_axes, plan: Plan):
 
     def rule(keep_trace, primals, tangents):
         system, grid, lanes = primals
-        if any(not isinstance(dot, SymbolicZero) and dot.dtype != jax.dtypes.float0 for dot in tangents[1]):
+        if any(not _is_zero(dot) and dot.dtype != jax.dtypes.float0 for dot in tangents[1]):
             raise TypeError("a rollout has no derivative with respect to `step` and `start`")
         leaves, treedef = jax.tree.flatten(system)
-        dots = jax.tree.leaves(tangents[0], is_leaf=lambda t: isinstance(t, SymbolicZero))
-        live = [not isinstance(dot, SymbolicZero) and dot.dtype != jax.dtypes.float0 for dot in dots]
+        dots = jax.tree.leaves(tangents[0], is_leaf=_is_zero)
+        live = [not _is_zero(dot) and dot.dtype != jax.dtypes.float0 for dot in dots]
         moving = [dot for dot, alive in zip(dots, live) if alive]
         after, records, trace = segment(system, grid, lanes, True)
 
@@ -92,11 +96,10 @@ def _segment(system_axes, plan: Plan):
 
         def filled(t: Any):
             dtype: Any = t.dtype
-            return jnp.zeros(t.shape, dtype) if isinstance(t, SymbolicZero) else t
+            return jnp.zeros(t.shape, dtype) if _is_zero(t) else t
 
         dense = partial(jax.tree.map, filled)
-        is_zero = {"is_leaf": lambda t: isinstance(t, SymbolicZero)}
-        start = (dense(tangents[2].state, **is_zero), dense(tangents[2].left, **is_zero))
+        start = dense(tangents[2].state, is_leaf=_is_zero), dense(tangents[2].left, is_leaf=_is_zero)
         (d_state, d_left), (d_path, d_trace) = lax.scan(jax.checkpoint(tangent, prevent_cse=False), start, trace)
         d_after = jax.tree.map(_zero_tangent, after)._replace(state=d_state, left=d_left)
         d_records = jax.tree.map(_zero_tangent, records)
@@ -119,18 +122,51 @@ def _segment(system_axes, plan: Plan):
     return jax.checkpoint(untraced, prevent_cse=False) if plan.checkpoint else untraced
 
 
+def _no_records(lanes: Lanes, plan: Plan):
+    """The records of a segment that is skipped."""
+    if not plan.save:
+        return None
+    made = lanes.mode < 0
+    record = Record(lanes.state, lanes.left, lanes.index, lanes.mode, lanes.mode, made, made)
+    return jax.tree.map(lambda leaf: jnp.zeros((plan.length, *leaf.shape), leaf.dtype), record)
+
+
+@jax.custom_jvp
+def _with_tangents(system, lanes: Lanes):
+    """The same lanes. If the system or they have a tangent, all their numbers have one from here on: a scan traces its
+    body anew for each that it finds to have one later."""
+    return lanes
+
+
+def _all_tangents(primals, tangents):
+    moving = [
+        t for t in jax.tree.leaves(tangents, is_leaf=_is_zero) if not _is_zero(t) and t.dtype != jax.dtypes.float0
+    ]
+
+    def filled(t):
+        if not _is_zero(t) or t.dtype == jax.dtypes.float0:
+            return t
+        # Zero, but as if it were a part of what moves.
+        return jnp.where(False, jnp.sum(moving[0]).astype(t.dtype), jnp.zeros(t.shape, t.dtype))
+
+    return primals[1], jax.tree.map(filled, tangents[1], is_leaf=_is_zero)
+
+
+_with_tangents.defjvp(_all_tangents, symbolic_zeros=True)
+
+
 def run_tile(system, state, mode, grid: Grid, system_axes, plan: Plan):
     """Final lanes and the records (segments * length, lanes) of one tile."""
     lanes = _step.enter(Tile(system, system_axes), grid, state, mode)
-    segment = _segment(system_axes, plan)
+    # Jitted, so that the branch, which a derivative goes through twice, is differentiated once.
+    segment = jax.jit(_segment(system_axes, plan))
 
     def skip(system, grid, lanes):
-        shape = jax.eval_shape(segment, system, grid, lanes)[1]
-        return lanes, jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shape)
+        return lanes, _no_records(lanes, plan)
 
     def body(lanes, _):
         under_way = jnp.any(_step.is_active(grid, lanes))
         return lax.cond(under_way, segment, skip, system, grid, lanes)
 
-    lanes, records = lax.scan(body, lanes, None, length=plan.segments)
+    lanes, records = lax.scan(body, _with_tangents(system, lanes), None, length=plan.segments)
     return lanes, jax.tree.map(lambda leaf: leaf.reshape((-1,) + leaf.shape[2:]), records)

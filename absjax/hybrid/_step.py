@@ -8,7 +8,8 @@ Every iteration takes one Runge-Kutta step per lane, of a size that depends on w
   keeps its place, and the step is corrected by -g / g'. A landing that misses by more than `LANDING_TOLERANCE` grid
   steps is tried again. The first time g' is the rate of the guard along the flow; from then on it is the slope of the
   secant: where the flow is stiff, the guard at the end of a Runge-Kutta step of growing size rises at another rate.
-* CROSSING: over the corrected step, which ends on the guard, and the jump.
+* CROSSING: over the corrected step, which ends on the guard, and the jump. A guard that a jump has left at zero and
+  that rises is crossed as well, in a step of size 0: one that another channel has reached in the same instant.
 * TOUCHING: the same for a guard that only grazes zero.
 * IMMEDIATE: the jump alone, of a guard that is open on entering a mode.
 
@@ -32,8 +33,10 @@ from absjax.hybrid._locate import Ends
 from absjax.lanes import mapped
 from absjax.results import DIVERGED
 
-NORMAL, LANDING, LAST_LANDING, CROSSING, TOUCHING, IMMEDIATE = 0, 1, 6, 7, 8, 9
+NORMAL, LANDING, LATE_LANDING, LAST_LANDING, CROSSING, TOUCHING, IMMEDIATE = 0, 1, 6, 12, 13, 14, 15
 LANDING_TOLERANCE = 1e-5
+LATE_TOLERANCE = 1e-4
+"""From LATE_LANDING on: what is still further off is no rounding, but a flow too stiff for the tries before."""
 SECANT_SHORTEST = 1e-6
 """Landings nearer to each other than this share of a grid step have no secant: rounding is in the way."""
 
@@ -76,40 +79,51 @@ class Lanes(NamedTuple):
     local: Local
 
 
+@partial(jax.jit, static_argnums=(0, 1))
+def _of_all_lanes(method: str, axes, system, *arguments):
+    """A method of every lane's system. Jitted, so that it is traced and differentiated once for all calls of it."""
+    leaves, treedef = axes
+    axes = mapped(treedef.unflatten(leaves))
+    return jax.vmap(lambda system, *arguments: getattr(system, method)(*arguments), (axes, *(0 for _ in arguments)))(
+        system, *arguments
+    )
+
+
 class Tile:
     """A system of scalars as functions of (lanes,) arrays; `axes` tells which leaves carry lanes."""
 
     def __init__(self, system, axes):
         self.system = system
-        self.axes = mapped(axes)
+        leaves, treedef = jax.tree.flatten(axes)
+        self._axes = tuple(leaves), treedef
         self.ticks = hasattr(system, "tick")
 
-    def _over(self, function, *arguments):
-        return jax.vmap(function, in_axes=(self.axes, *(0 for _ in arguments)))(self.system, *arguments)
+    def _of_all(self, method, *arguments):
+        return _of_all_lanes(method, self._axes, self.system, *arguments)
 
     def flow(self, time, state, mode):
-        return self._over(lambda s, t, x, m: s.flow(t, x, m), time, state, mode)
+        return self._of_all("flow", time, state, mode)
 
     def guards(self, time, state, mode):
-        values = self._over(lambda s, t, x, m: s.guards(t, x, m), time, state, mode)
+        values = self._of_all("guards", time, state, mode)
         return tuple(value.astype(time.dtype) for value in values)
 
     def jump(self, time, state, mode, slot):
-        return self._over(lambda s, t, x, m, i: s.jump(t, x, m, i), time, state, mode, slot)
+        return self._of_all("jump", time, state, mode, slot)
 
     def tick(self, time, state, mode):
-        return self._over(lambda s, t, x, m: s.tick(t, x, m), time, state, mode)
+        return self._of_all("tick", time, state, mode)
 
     def importance(self, time, state, mode):
         if not hasattr(self.system, "importance"):
             return jnp.ones_like(time)
-        return self._over(lambda s, t, x, m: s.importance(t, x, m), time, state, mode)
+        return self._of_all("importance", time, state, mode)
 
     def scales(self, state):
         """Magnitudes below which a state counts as that large."""
         if not hasattr(self.system, "scales"):
             return jax.tree.map(lambda _: 0.0, state)
-        return self._over(lambda s, x: s.scales(x), state)
+        return self._of_all("scales", state)
 
     def ticking(self, lanes: Lanes):
         return (lanes.doing == NORMAL) & ((lanes.index + 1) % self.system.tick_every == 0)
@@ -189,6 +203,12 @@ def _left_behind(grid: Grid, lanes: Lanes, here: Local, i: int):
     return (lanes.doing >= CROSSING) & (lanes.slot == i) & (rate < 0) & at_zero
 
 
+def _arrived_at(grid: Grid, lanes: Lanes, here: Local, slot):
+    """Whether the guard of `slot` stands at zero after a jump, but for rounding, and rises: its instant is its own."""
+    guard, rate = pick(slot, here.guards), pick(slot, here.rates)
+    return (lanes.doing >= CROSSING) & (rate > 0) & (guard <= LANDING_TOLERANCE * grid.step * rate)
+
+
 def _decide(grid: Grid, lanes: Lanes, held, there: Local, here: Local, step) -> Decision:
     """The decision when some lane of the tile may have crossed, lands, or jumps."""
     normal = lanes.doing == NORMAL
@@ -211,18 +231,20 @@ def _decide(grid: Grid, lanes: Lanes, held, there: Local, here: Local, step) -> 
     secant = safe_divide(risen, apart, (lanes.doing > LANDING) & (apart != 0))
     closing = jnp.where((secant > 0) & (jnp.abs(apart) > SECANT_SHORTEST * grid.step), secant, closing)
     sound = (closing > 0) & (jnp.abs(miss) <= closing * grid.step)
-    again = (lanes.doing < LAST_LANDING) & (jnp.abs(miss) > LANDING_TOLERANCE * grid.step * closing)
+    tolerance = jnp.where(lanes.doing < LATE_LANDING, LANDING_TOLERANCE, LATE_TOLERANCE)
+    again = (lanes.doing < LAST_LANDING) & (jnp.abs(miss) > tolerance * grid.step * closing)
     corrected = jnp.clip(lanes.landing - safe_divide(miss, closing, sound), 0.0, lanes.left)
     landed = jnp.where(sound, jnp.where(again, lanes.doing + 1, CROSSING), TOUCHING)
     opened_by = (jnp.where(_left_behind(grid, lanes, here, i), -1.0, g) for i, g in enumerate(here.guards))
     opened, open_slot = first_open(tuple(opened_by))
-    doing = jnp.where(trying, landed, jnp.where(opened, IMMEDIATE, NORMAL))
+    at_once = opened & _arrived_at(grid, lanes, here, open_slot)
+    doing = jnp.where(trying, landed, jnp.where(at_once, CROSSING, jnp.where(opened, IMMEDIATE, NORMAL)))
     slot = jnp.where(trying, lanes.slot, open_slot)
     return Decision(
         kept=held | rejected | trying,
         doing=jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), doing).astype(jnp.int32),
         slot=jnp.where(rejected, target, slot).astype(jnp.int32),
-        landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, lanes.landing)),
+        landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, 0.0)),
         missed=jnp.where(trying, miss, lanes.missed_before),
         grazed=jnp.where(rejected, grazing, trying & ~sound),
     )

@@ -110,7 +110,7 @@ def limit_cycle(
 
 @partial(jax.jit, static_argnums=(1, 2, 3, 4))
 def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
-    # What is iterated carries no derivative: the last step below does.
+    # What is iterated carries no derivative: the fixed point has its own.
     held_loop = jax.tree.map(lax.stop_gradient, loop)
     first = held_loop.initial_state(jnp.asarray(held_loop.plant.speed, jnp.result_type(float)))
     many = _Cycles(held_loop, warm_up)
@@ -140,22 +140,41 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
         columns = jax.vmap(lambda e: tangent(jnp.broadcast_to(e, point.shape)))(directions)
         return image, jnp.moveaxis(columns, 0, -1), rest
 
-    identity = jnp.eye(start.shape[-1], dtype=start.dtype)
+    def newton_step(image, slope, point, sound):
+        matrix = jnp.eye(point.shape[-1], dtype=point.dtype) - jnp.where(sound[..., None, None], slope, 0.0)
+        return jnp.linalg.solve(matrix, (image - point)[..., None])[..., 0]
 
-    def newton(_, carry):
-        point, _ = carry
-        image, slope, _ = with_slope(held_loop, point)
-        return point + _solve(identity - slope, image - point), slope
+    def look(loop, point):
+        """What is known at a point, and Newton's step from there."""
+        image, slope, (period, ended) = with_slope(loop, point)
+        finished = ended == Status.FINISHED
+        step = newton_step(image, slope, point, finished)
+        near = jnp.abs(step) < TOLERANCE * jnp.maximum(jnp.abs(point), 1.0)
+        return step, slope, period, jnp.all(near, axis=-1) & finished
 
-    nowhere = jnp.zeros((*start.shape, start.shape[-1]), start.dtype)
-    point, held = lax.fori_loop(0, NEWTON_STEPS, newton, (start, nowhere))
-    # One more step, with the slope held, carries the derivative of the fixed point.
-    image, (_, ended) = returned(loop, point)
-    newton_step = _solve(identity - held, image - point)
-    near = jnp.abs(newton_step) < TOLERANCE * jnp.maximum(jnp.abs(point), 1.0)
-    fixed = jnp.all(near, axis=-1) & (ended == Status.FINISHED)
-    point = jnp.where(fixed[..., None], point + newton_step, point)
-    _, slope, (period, _) = with_slope(loop, point)
+    @jax.custom_jvp
+    def search(loop, start):
+        """Point, slope, period and whether it is the fixed point, whose derivative is not one of where it began."""
+
+        def newton(i, carry):
+            point = carry[0] + jnp.where(i == 0, 0.0, carry[1])
+            return point, *look(loop, point)
+
+        nowhere = jnp.zeros((*start.shape, start.shape[-1]), start.dtype)
+        blank = start[..., 0]
+        carry = lax.fori_loop(0, NEWTON_STEPS + 2, newton, (start, start, nowhere, blank, blank < -jnp.inf))
+        return carry[0], *carry[2:]
+
+    @search.defjvp
+    def implicitly(primals, tangents):
+        loop, d_loop = primals[0], tangents[0]
+        point, slope, period, fixed = search(*primals)
+        _, d_image = jax.jvp(lambda loop: returned(loop, point)[0], (loop,), (d_loop,))
+        d_point = jnp.where(fixed[..., None], newton_step(point + d_image, slope, point, fixed), 0.0)
+        (_, slope, (period, _)), (_, d_slope, (d_period, _)) = jax.jvp(with_slope, (loop, point), (d_loop, d_point))
+        return (point, slope, period, fixed), (d_point, d_slope, d_period, np.zeros(fixed.shape, jax.dtypes.float0))
+
+    point, slope, period, fixed = search(loop, start)
     state = begin(loop, point)
     told = _told(loop, state)
     reached = jnp.where(fixed, CycleStatus.FOUND, CycleStatus.NOT_CONVERGED)
@@ -169,10 +188,6 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
 def _told(loop: ClosedLoop, state: LoopState):
     """What the controller is told at time 0."""
     return each_lane(lambda loop, state: loop.signals(0.0 * state.plant.wheel_speed, state, loop.mode(0)), loop, state)
-
-
-def _solve(matrix, vector):
-    return jnp.linalg.solve(matrix, vector[..., None])[..., 0]
 
 
 def _largest_eigenvalue(matrix):

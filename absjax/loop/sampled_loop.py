@@ -16,6 +16,7 @@ from absjax.observers.base import Sample
 from absjax.observers.run import advance
 from absjax.parameters import model, part
 from absjax.sensors.base import Sensor
+from absjax.signals import Signals
 
 
 class SampledState(NamedTuple):
@@ -28,11 +29,19 @@ class SampledState(NamedTuple):
     """time and values of the observer's last sample; None without an observer"""
     sensor: Any
     """state of the sensor; None without one"""
+    clock: Any = None
+    """`absjax.loop.ticking_loop.Clock` of a ticking loop; None without"""
 
 
 def loop_state(state: Any) -> Any:
     """The state of the loop within that of a sampled or delayed one; that of a located one is its own."""
     return getattr(state, "loop", state)
+
+
+def loop_time(time, state: Any):
+    """The time of a state [s]; that of a ticking loop has moved with its clock, in its derivative."""
+    clock = getattr(state, "clock", None)
+    return time if clock is None else time + clock.shift
 
 
 @model
@@ -104,8 +113,8 @@ class SampledLoop:
         advance = getattr(self.loop.controller, "advance", None)
         return kept if advance is None else advance(signals, kept, self.loop.phase(mode))
 
-    def tick(self, time, state: SampledState, mode):
-        """One pass of the control unit."""
+    def hear(self, time, state: SampledState, mode) -> tuple[Signals, SampledState]:
+        """What the controller is told at a tick, and the state with sensor and observer advanced to it."""
         loop, sampled = state.loop, state.sampled
         signals, sensor = self.loop.measured(time, loop, mode), None
         if self.sensor is not None:
@@ -117,9 +126,21 @@ class SampledLoop:
             loop, sampled = loop._replace(observer=observed), (time, sample)
         signals = self.loop.with_estimate(signals, loop)
         loop = loop._replace(controller=self._advanced(signals, loop.controller, mode))
-        guards = self.loop.controller.guards(signals, loop.controller, self.loop.phase(mode))
-        fires, slot = first_open(guards)
+        return signals, state._replace(loop=loop, sampled=sampled, sensor=sensor)
+
+    def own_guards(self, signals: Signals, state: SampledState, mode) -> tuple[jax.Array, ...]:
+        """The controller's slots on what it is told."""
+        return self.loop.controller.guards(signals, state.loop.controller, self.loop.phase(mode))
+
+    def tick(self, time, state: SampledState, mode):
+        """One pass of the control unit."""
+        return self.act(*self.hear(time, state, mode), mode)
+
+    def act(self, signals: Signals, state: SampledState, mode):
+        """State and mode after the controller has been told `signals`: one switching at most, and a command."""
+        loop = state.loop
+        fires, slot = first_open(self.own_guards(signals, state, mode))
         switched, phase = self.loop.switch(signals, loop, mode, slot)
         loop, mode = tree_where(fires, switched, loop), jnp.where(fires, phase, mode)
         rates = (self.loop.command(signals, loop, mode),) + state.rates[:-1]
-        return SampledState(loop, rates, sampled, sensor), mode
+        return state._replace(loop=loop, rates=rates), mode

@@ -10,7 +10,7 @@ import numpy as np
 from absjax._numerics import safe_divide
 from absjax.hybrid.rollout import Rollout, Status, rollout
 from absjax.loop.memory import Course
-from absjax.loop.sampled_loop import loop_state
+from absjax.loop.sampled_loop import loop_state, loop_time
 from absjax.parameters import concrete
 from absjax.plant.wheel import GRAVITY
 from absjax.results import UNDEFINED, EndCode, raise_if_failed
@@ -147,9 +147,10 @@ def stop(
 
 
 def _assess(loop: Stoppable, speed, result: Rollout) -> Stop:
-    end = loop.course(result.time, loop_state(result.state), result.mode)
+    time = loop_time(result.time, result.state)
+    end = loop.course(time, loop_state(result.state), result.mode)
     control, locks = end.memory.control, end.memory.locks
-    active = result.time - control.onset_time
+    active = time - control.onset_time
     mean_friction = safe_divide(control.onset_speed - end.speed, GRAVITY * active, active > 0)
     outcome = jnp.select(
         [
@@ -170,7 +171,7 @@ def _assess(loop: Stoppable, speed, result: Rollout) -> Stop:
     )
     return Stop(
         distance=end.position - end.memory.pedal_position,
-        duration=result.time - end.memory.pedal_time,
+        duration=time - end.memory.pedal_time,
         mean_friction=mean_friction,
         published_quantity=safe_divide(speed**2, 2 * GRAVITY * mean_friction, mean_friction > 0, jnp.inf),
         onset_time=jnp.maximum(control.onset_time - end.memory.pedal_time, 0.0),

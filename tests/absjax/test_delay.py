@@ -80,10 +80,14 @@ def test_gradient_by_gains_and_delay_against_differences_and_lanes():
 
 
 def test_single_precision_is_near():
-    p = np.array([[10.0, 10.0, 0.0213]])
-    single = ends(p.astype(np.float32))
-    assert single.dtype == jnp.float32
-    np.testing.assert_allclose(single, ends(p), rtol=2e-4)
+    found = []
+    for dtype in (jnp.float32, jnp.float64):
+        predictor = Predictor(jnp.full(1, 10.0, dtype), jnp.full(1, 10.0, dtype))
+        system = SampledTracking(Scalar(dtype(5.0)), predictor, 10)
+        state = rollout(system, system.initial_state(dtype(0.5)), step=STEP, steps=60).state
+        assert {leaf.dtype for leaf in jax.tree.leaves(state)} == {jnp.dtype(dtype)}
+        found.append(float(state.x[0]))
+    assert found[0] == pytest.approx(found[1], rel=1e-4)
 
 
 def test_a_past_that_is_too_short_is_said_so():

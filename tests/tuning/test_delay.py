@@ -23,7 +23,7 @@ def test_a_configuration_with_a_delay_and_a_predictor_makes_a_delayed_loop():
 
 def test_what_a_predicting_controller_cannot_have_is_refused():
     for entry in ({}, {"delay": 5e-4}, {"delay": 0.01, "largest_contraction": 0.9}):
-        with pytest.raises(ConfigError, match="delay|largest_contraction"):
+        with pytest.raises(ConfigError, match=r"delay|largest_contraction"):
             TuningConfig.from_json({"controller": "predictive_tracking", **entry})
 
 

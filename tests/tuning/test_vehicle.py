@@ -8,13 +8,13 @@ import pytest
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.plant.road import as_road
 from absjax.speed import KalmanSpeed
+from tuning.cars.car import car_entry, shipped_cars
+from tuning.cars.entry import WIRINGS, VehicleEntry, of_axle
 from tuning.controllers.batch import batch_of
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import in_control_unit, loop_of_lanes
 from tuning.controllers.setup import Setup
 from tuning.core.config import ConfigError
-from tuning.cars.car import car_entry, shipped_cars
-from tuning.cars.entry import WIRINGS, VehicleEntry, of_axle
 from tuning.vehicle.scenario import BLEND, CHANGES, Ride, figures_of
 
 OWN = {

@@ -44,6 +44,7 @@ class VehicleEntry(Entries):
         speed: name of the estimator that the sampled control unit has for the vehicle's speed, in
             `absjax.speed.SPEED_ESTIMATORS`, or `package.module:Class`; None tells it the true one.
         speed_parameters: its fields.
+        regulation: whether a set has to pass the screening after UN Regulation 13-H (`tuning.controllers.regulation`).
         accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
     """
 
@@ -55,6 +56,7 @@ class VehicleEntry(Entries):
     follows_load: Flag = True
     speed: Text | None = None
     speed_parameters: Annotated[Values, Field()] = dataclasses.field(default_factory=dict)
+    regulation: Flag = False
     accelerometer_bias: Real = 0.5
     accelerometer_noise: NonNegative = 0.1
 

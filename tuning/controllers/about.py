@@ -64,6 +64,17 @@ ABS_STUDY = About(
         "colour.",
     },
 )
+GRADIENT_STUDY = About(
+    "Slopes of the mean stop under a control unit's clock",
+    "A control unit tests its thresholds every few milliseconds, and a threshold moves nothing until it moves a "
+    "switching to another tick. The slope of the mean over phases of the clock is found three ways and held against "
+    "differences.",
+    {
+        "stand-in": "Delay and gain of the stand-in of an encoder's chain beside those of the chain.",
+        "slope of the mean": "Cosine of each slope to that by differences, and its entries.",
+        "stand_in.png": "Delay and gain over wheel speed, of the chain and of its stand-in.",
+    },
+)
 DEMO = About(
     "Demonstration: from a brake log to tuned thresholds",
     "First the road is identified from a recorded stop. Then the thresholds of a five-phase anti-lock controller are "

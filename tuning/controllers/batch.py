@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from absjax.lanes import taken
+from absjax.lanes import repeated, taken
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.growth import growth
+from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, Stop, stop
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.parameters import model, parameter, part
@@ -83,7 +84,8 @@ class Batch:
     def of(self, members: Any) -> "Batch":
         """Some of the rows, (members,); traceable."""
         rows = {name: jnp.take(getattr(self, name), members) for name in ("speed", "ideal", "published")}
-        return dataclasses.replace(self, loop=carried(self.loop, partial(taken, index=members)), **rows)
+        sensor = taken(self.sensor, members)
+        return dataclasses.replace(self, loop=carried(self.loop, partial(taken, index=members)), sensor=sensor, **rows)
 
     def stops(self, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
         """Stops of every set on every row, lanes (rows * sets,); parameters are arrays (sets,).
@@ -92,12 +94,14 @@ class Batch:
         """
         return self.stops_of_lanes(on_every_row(parameters, self.rows), step, ticks)
 
-    def stops_of_lanes(self, own: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
-        """The same of parameters (rows * sets,), each lane's own."""
+    def stops_of_lanes(
+        self, own: Mapping[str, Any], step: float | None = None, ticks: int = 0, kind: type[SampledLoop] = SampledLoop
+    ) -> Stop:
+        """The same of parameters (rows * sets,), each lane's own; `kind` of the loop with ticks."""
         loop = loop_of_lanes(self.loop, own, self.rows)
-        period = ticks * (step or self.step)
-        told = self.sensor, self.estimator, self.accelerometer, self.delay
-        system = in_control_unit(loop, ticks, self.substeps, period, *told) if ticks else loop
+        sensor = repeated(self.sensor, len(next(iter(own.values()))) // self.rows)
+        how = ticks, self.substeps, ticks * (step or self.step), sensor, self.estimator, self.accelerometer, self.delay
+        system = in_control_unit(loop, *how, kind=kind) if ticks else loop
         return stop(system, **self._how(own, step))
 
     def growths(self, parameters: Mapping[str, Any]):
@@ -115,28 +119,37 @@ class Batch:
             "tile": min(64, max(8, lanes // 4)),
         }
 
-    def losses(self, stops: Stop):
-        """Distance over reference, (rows, sets), and what long cycles, long locks and failures are charged.
+    def ratios(self, stops: Stop):
+        """Distance over reference, (rows, sets).
 
         A stop that does not end counts as if it went on decelerating as it has in the mean.
         """
-
-        def by_row(values):
-            return values.reshape(self.rows, -1)
-
         if self.reference == "published":
-            ratio = by_row(stops.published_quantity) / self.published[:, None]
+            ratio = self._by_row(stops.published_quantity) / self.published[:, None]
         else:
-            end = by_row(stops.end_speed)
+            end = self._by_row(stops.end_speed)
             start, last = self.speed[:, None], self.loop.stop_speed
             slowed = (start**2 - jnp.maximum(end, last) ** 2) / (start**2 - last**2)
-            ratio = by_row(stops.distance) / jnp.maximum(slowed, LEAST_SLOWED) / self.ideal[:, None]
-        excess = jnp.maximum(by_row(stops.longest_cycle) - self.longest_cycle, 0.0)
-        locked = jnp.maximum(by_row(stops.longest_lock[0]) - self.longest_lock, 0.0)
-        failed = by_row(stops.outcome) != Outcome.STOPPED
-        worst = 1 / LEAST_SLOWED
-        charges = LONG_CYCLE_CHARGE * excess + LOCK_CHARGE * locked + FAILURE_CHARGE * failed
-        return jnp.minimum(ratio, worst) + charges
+            ratio = self._by_row(stops.distance) / jnp.maximum(slowed, LEAST_SLOWED) / self.ideal[:, None]
+        return jnp.minimum(ratio, 1 / LEAST_SLOWED)
+
+    def breaches(self, stops: Stop):
+        """By how much the longest cycle and the longest lock are too long [s], and whether it fails, (rows, sets)."""
+        excess = jnp.maximum(self._by_row(stops.longest_cycle) - self.longest_cycle, 0.0)
+        locked = jnp.maximum(self._by_row(stops.longest_lock[0]) - self.longest_lock, 0.0)
+        return excess, locked, self._by_row(stops.outcome) != Outcome.STOPPED
+
+    def charges(self, stops: Stop):
+        """What long cycles, long locks and failures are charged, (rows, sets)."""
+        excess, locked, failed = self.breaches(stops)
+        return LONG_CYCLE_CHARGE * excess + LOCK_CHARGE * locked + FAILURE_CHARGE * failed
+
+    def losses(self, stops: Stop):
+        """Distance over reference with charges, (rows, sets)."""
+        return self.ratios(stops) + self.charges(stops)
+
+    def _by_row(self, values):
+        return values.reshape(self.rows, -1)
 
 
 class Scored(NamedTuple):
@@ -144,6 +157,8 @@ class Scored(NamedTuple):
 
     losses: np.ndarray
     """distance over reference with charges, (rows, sets)"""
+    ratios: np.ndarray
+    """without charges"""
     stops: Stop
     """without its rollout; arrays (rows, sets)"""
 
@@ -156,7 +171,7 @@ class Scored(NamedTuple):
 def _scored(batch: Batch, parameters, step, ticks):
     stops = batch.stops(parameters, step, ticks)
     kept = stops._replace(rollout=None)
-    return batch.losses(stops), jax.tree.map(lambda leaf: leaf.reshape(batch.rows, -1), kept)
+    return batch.losses(stops), batch.ratios(stops), jax.tree.map(lambda leaf: leaf.reshape(batch.rows, -1), kept)
 
 
 _growths = jax.jit(lambda batch, parameters: batch.growths(parameters))

@@ -1,4 +1,4 @@
-"""`tune-abs`, `abs-sets`, `abs-study`, `demo`: controllers tuned, made anew, and studied."""
+"""`tune-abs`, `abs-sets`, `abs-study`, `gradient-study`, `demo`: controllers tuned, made anew, and studied."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tuning.controllers.about import ABS_SETS, ABS_STUDY, DEMO, TUNE_ABS
+from tuning.controllers.about import ABS_SETS, ABS_STUDY, DEMO, GRADIENT_STUDY, TUNE_ABS
 from tuning.core.command import Force, Out, Resume, carry_out, journal_path, tune, tuned
 from tuning.core.terminal import bar, console
 
@@ -43,7 +43,7 @@ def run_of(config, out: Path, title: str) -> Any:
 
     def run(progress, journal):
         from tuning.controllers.figures import tuning_figures
-        from tuning.controllers.report import cycles_line, parameter_line, tuning_rows
+        from tuning.controllers.report import cycles_line, parameter_line, split_rows, tuning_rows
         from tuning.controllers.tune import tune_abs
         from tuning.core.files import write_json
         from tuning.core.report import Report
@@ -54,6 +54,10 @@ def run_of(config, out: Path, title: str) -> Any:
         warnings = [f"warning: {warning}" for warning in result.warnings]
         files = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
         tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}
+        if result.splits:
+            tables[
+                f"{title}: scattered conditions, {config.setting}, a tick every {1e3 * config.sampled_period:g} ms"
+            ] = split_rows(result)
         return Report(tables, lines, files, result.interrupted, warnings=warnings)
 
     return run
@@ -105,6 +109,22 @@ def abs_study(
         return (), lambda: run_study(out, stops)
 
     carry_out(out, work, about=ABS_STUDY, force=force)
+
+
+def gradient_study(
+    out: Out,
+    pairs: Annotated[int, typer.Option(min=32, help="Pairs of lanes: phases of the clock, and initial speeds.")] = 2048,
+    roads: Annotated[str | None, typer.Option(help="Roads, comma-separated; the published five if missing.")] = None,
+    force: Force = False,
+) -> None:
+    """The slope of the mean stop under a control unit's clock, three ways; the stand-in of an encoder's chain."""
+
+    def work():
+        from tuning.controllers.study.tasks import run_gradients
+
+        return (), lambda: run_gradients(out, pairs, None if roads is None else tuple(roads.split(",")))
+
+    carry_out(out, work, about=GRADIENT_STUDY, force=force)
 
 
 def demo(out: Out = Path("demo"), force: Force = False) -> None:

@@ -2,11 +2,11 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import BeforeValidator, Field
 
-from absjax.controllers import CONTROLLERS, PREDICTIVE
+from absjax.controllers import BASELINES, CONTROLLERS, PREDICTIVE
 from absjax.controllers.base import Controller
 from absjax.observers import OBSERVERS
 from absjax.observers.base import Design
@@ -35,6 +35,25 @@ from tuning.core.objective import Name
 from tuning.core.roads import RoadEntry, changes_along, speeds_of
 
 FASTEST_KMH = 500.0
+
+
+class Scatter(NamedTuple):
+    """How much is scattered: standard deviations of the logarithm, but for the last two."""
+
+    curve: float = 0.1
+    """of each coefficient of the tyre curve"""
+    load: float = 0.1
+    radius: float = 0.01
+    brake_efficiency: float = 0.1
+    lag: float = 0.3
+    pedal: float = 0.0
+    speed: float = 0.02
+    noise: float = 0.0
+    """largest standard deviation of a sample of x2, m/s^2; uniform from 0"""
+    tolerance: float = 0.004
+    """by which edges of the encoder lie off their places, where it is told by one, encoder cycles"""
+
+
 Speeds = Annotated[tuple[Positive, ...], Field(min_length=1, max_length=LONGEST)]
 
 
@@ -83,7 +102,14 @@ class TuningConfig(SearchConfig):
         substeps: Runge-Kutta steps of the observer per sample of the sampled semantics; when None twice what its
             default gains need, because a brake that is not as the observer takes it to be asks for more.
         max_events: switchings a stop may make.
-        sampled_period: period at which guards are tested when the result is re-scored [s].
+        sampled_period: period at which guards are tested when the result is re-scored, and of a setting [s].
+        setting: what is tuned for. 'located': switchings located, told the truth, roads as they are. 'sampled':
+            a control unit that ticks every `sampled_period` in scattered conditions (`tuning.controllers.scatter`),
+            told the truth but for noise and radius, or what `sensor` tells; 'chain': the same, told by an encoder.
+        chain: 'edges': a window of 12 ms, the encoder's errors taken off through the edges; 'window': the last 12.
+        draws: of every row, in training; checked: in validation and test each, for a setting other than 'located'.
+        conditions: how much they scatter, by name of `tuning.controllers.config.Scatter`.
+        smoothing: standard deviation of the scatter of points a slope is fitted over, on the scales of the box.
     """
 
     controller: Text = "five_phase"
@@ -117,6 +143,12 @@ class TuningConfig(SearchConfig):
     substeps: Count | None = None
     max_events: Count = 800
     sampled_period: Positive = 1e-3
+    setting: Literal["located", "sampled", "chain"] = "located"
+    chain: Literal["edges", "window"] = "edges"
+    draws: Count = 8
+    checked: Count = 8
+    conditions: Values = dataclasses.field(default_factory=dict)
+    smoothing: Positive = 0.03
 
     def __post_init__(self):
         super().__post_init__()
@@ -156,6 +188,15 @@ class TuningConfig(SearchConfig):
             require("delay", self.delay, (self.delay or 0.0) >= step, f"no shorter than the grid step of {step:g} s")
             require("largest_contraction", largest, largest is None, "null: a cycle through a delay has no return map")
             require("vehicle", "given", self.vehicle is None, f"null: {self.controller} predicts for one wheel")
+        for name, value in self.conditions.items():
+            choice("conditions", name, Scatter._fields)
+            require(f"conditions.{name}", value, 0 <= value <= 1 or name == "noise", "between 0 and 1")
+        if self.setting != "located":
+            require("vehicle", "given", self.vehicle is None, "null: of a vehicle only 'located' is descended on")
+            require(
+                "reference", self.reference, self.reference == "ideal", "'ideal' for a setting other than 'located'"
+            )
+            require("pedal_strength", self.pedal_strength, self.pedal_strength is None, "null for such a setting")
 
     @classmethod
     def from_json(cls, data: Mapping[str, Any]) -> Self:
@@ -174,7 +215,7 @@ class TuningConfig(SearchConfig):
     @property
     def kind(self) -> type[Controller]:
         """Class of the controller to tune."""
-        return component("controller", self.controller, {**CONTROLLERS, **PREDICTIVE}, Controller)
+        return component("controller", self.controller, {**CONTROLLERS, **BASELINES, **PREDICTIVE}, Controller)
 
     @property
     def predicts(self) -> bool:

@@ -19,7 +19,7 @@ from absjax.speed.base import SpeedEstimator
 from tuning.cars.entry import of_axle
 
 Loop = TypeVar("Loop", bound=ClosedLoop | VehicleLoop)
-CARRIERS = "plant", "vehicle", "driver"
+CARRIERS = "plant", "vehicle", "brake", "driver"
 """Parts of a loop that carry the rows, those it has."""
 
 
@@ -60,6 +60,7 @@ def in_control_unit(
     estimator: SpeedEstimator | None = None,
     accelerometer: Accelerometer | None = None,
     delay: float | None = None,
+    kind: type[SampledLoop] = SampledLoop,
 ) -> SampledLoop | SampledVehicle:
     """A loop in a control unit that tests its guards every so many grid steps; a vehicle has the sensor at each wheel.
 
@@ -69,8 +70,11 @@ def in_control_unit(
         estimator: of the speed of a vehicle.
         accelerometer: of the unit, where it estimates the speed.
         delay: between a controller that predicts and the brake [s].
+        kind: of the loop of one wheel without such a delay.
     """
     if isinstance(loop, ClosedLoop):
+        if kind is not SampledLoop:
+            return kind(loop, sensor, tick_every=ticks, substeps=substeps)
         return in_unit(loop, sensor, delay, period, tick_every=ticks, substeps=substeps)
     sensors = () if sensor is None else (sensor,) * len(loop.vehicle.places)
     return SampledVehicle(loop, sensors, estimator, accelerometer, ticks, substeps)

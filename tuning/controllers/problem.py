@@ -16,13 +16,15 @@ from absjax.loop.closed_loop import ClosedLoop
 from tuning.controllers.batch import Batch, batch_of, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import charges, exact_charges, rig_loops
+from tuning.controllers.regulation import Regulation, regulation_of
 from tuning.controllers.setup import Setup
 from tuning.core.box import Box
 from tuning.core.objective import Objective
 from tuning.core.problem import Problem
 
 BREACH_CHARGE = 10.0
-"""Added to the cost of a set that exceeds the limit on contraction: any set that keeps it is better."""
+"""Added to the cost of a set that exceeds the limit on contraction, or breaches a row of the regulation: any set that
+keeps them is better."""
 LARGEST_GRADIENT = 10.0
 """Of the loss of one stop, on the scales of the box. Where a stop is unstable, as `absjax.loop.growth` has it, its
 derivative may be 10^5 and holds nowhere: it counts with its direction, and no more than this."""
@@ -42,6 +44,8 @@ class ControllerProblem(Problem):
     members: int
     rigs: ClosedLoop | None
     """loops on a rig, where contraction is limited"""
+    regulation: Regulation | None = None
+    """where a vehicle has to pass it"""
 
     def costs_and_gradients(self, points, members):
         """Costs and gradients, located, with a smooth maximum of the losses for the worst."""
@@ -56,13 +60,15 @@ class ControllerProblem(Problem):
         """Costs at the worse of both semantics, located and sampled.
 
         A descent can end where a switching is missed, or a hold never left, as soon as guards are only
-        tested now and then; such an end loses to one that is robust. Where contraction is limited the best few
-        are charged for it, and the others are out.
+        tested now and then; such an end loses to one that is robust. Where contraction is limited, or the
+        regulation is to be passed, the best few are charged for it, and the others are out.
         """
         parameters, setup = self.box.arrays(points), self.setup
         sampled = scored(self.batch, parameters, *setup.sampled_grid()).losses
         costs = np.maximum(self.screen(points), np.asarray(self.objective.costs(sampled)))
         largest = setup.config.largest_contraction
+        if self.regulation is not None:
+            return self.regulation.judged(costs, parameters, BREACH_CHARGE)
         if largest is None:
             return costs
         best = np.argsort(costs)[:FINALISTS]
@@ -81,7 +87,7 @@ def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objectiv
     points = jnp.asarray(points)
     lanes = jnp.tile(points, (batch.rows, 1))
     losses, pull = jax.vjp(lambda x: batch.losses(batch.stops_of_lanes(box.values(x))), lanes)
-    own = _bounded(pull(jnp.ones_like(losses))[0]).reshape(batch.rows, *points.shape)
+    own = bounded(pull(jnp.ones_like(losses))[0]).reshape(batch.rows, *points.shape)
     costs, weigh = jax.vjp(lambda losses: objective.costs(losses, smooth=True), losses)
     gradients = jnp.einsum("rs,rsp->sp", weigh(jnp.ones_like(costs))[0], own)
     if rigs is not None:
@@ -94,7 +100,7 @@ def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objectiv
     return costs, gradients
 
 
-def _bounded(gradients):
+def bounded(gradients):
     """Gradients (lanes, parameters), none longer than `LARGEST_GRADIENT`; one that has overflowed counts as none."""
     finite = jnp.all(jnp.isfinite(gradients), axis=1, keepdims=True)
     gradients = jnp.where(finite, gradients, 0.0)
@@ -112,4 +118,5 @@ def problem_of(config: TuningConfig) -> ControllerProblem:
     box, batch = setup.box(), batch_of(setup)
     given = np.stack([box.point({**setup.initial, **known}) for known in ({}, *config.known)])
     rigs = None if config.largest_contraction is None else rig_loops(setup)
-    return ControllerProblem(setup, batch, Objective(config.objective, config.tail), box, given, batch.rows, rigs)
+    objective, passes = Objective(config.objective, config.tail), regulation_of(config)
+    return ControllerProblem(setup, batch, objective, box, given, batch.rows, rigs, passes)

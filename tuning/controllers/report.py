@@ -32,6 +32,27 @@ def tuning_rows(result: TuningResult) -> list[dict[str, Any]]:
     ]
 
 
+def split_rows(result: TuningResult) -> list[dict[str, Any]]:
+    """The sets in training, validation and test draws, above ideal."""
+
+    def above(ratio: float | None) -> str:
+        return "-" if ratio is None else f"{100 * (ratio - 1):.2f}"
+
+    return [
+        {
+            "draws": row.split,
+            "set": row.which,
+            "stops": row.stops,
+            "mean above ideal [%]": above(row.mean),
+            "worst 5 % [%]": above(row.worst),
+            "do not end": row.unfinished,
+            "lock > 15 km/h": row.locked,
+            "stuck": row.stuck,
+        }
+        for row in result.splits
+    ]
+
+
 def stop_cell(figures: StopFigures) -> str:
     """A distance from the pedal, or how the stop failed to end."""
     return cell(figures.distance) if figures.outcome == "STOPPED" else figures.outcome.lower().replace("_", " ")

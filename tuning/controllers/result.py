@@ -9,6 +9,7 @@ from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import CycleRow
 from tuning.controllers.legacy import updated_result
 from tuning.controllers.setup import Setup
+from tuning.controllers.splits import SplitFigures
 from tuning.controllers.stop_figures import StopFigures
 from tuning.core.version import VERSION
 
@@ -68,6 +69,8 @@ class TuningResult:
     """what a user of the set should know: phases that last less than a tick, and the like"""
     interrupted: bool = False
     """whether the search was ended from the keyboard"""
+    splits: list[SplitFigures] = dataclasses.field(default_factory=list)
+    """the untuned and the tuned set in training, validation and test draws; empty where it was tuned located"""
 
     @property
     def setup(self) -> Setup:
@@ -89,4 +92,6 @@ class TuningResult:
         known = updated_result(data)
         rows = [ResultRow.from_json(row) for row in known["rows"]]
         cycles = [CycleRow(**row) for row in known["cycles"]]
-        return cls(**{**known, "rows": rows, "cycles": cycles, "config": TuningConfig.from_json(known["config"])})
+        splits = [SplitFigures(**row) for row in known.get("splits", ())]
+        config = TuningConfig.from_json(known["config"])
+        return cls(**{**known, "rows": rows, "cycles": cycles, "splits": splits, "config": config})

@@ -117,7 +117,8 @@ class Setup:
         stop_speed = self.config.stop_speed_kmh / 3.6
         parts = self.plant(as_road(road)), self.brake, controller, stop_speed, self.observer, driver
         if self.config.predicts:
-            return DelayedLoop(*parts, delay=self.config.delay, nodes=nodes_of(self.config.delay, self.step))
+            delay = self.config.delay or 0.0
+            return DelayedLoop(*parts, delay=delay, nodes=nodes_of(delay, self.step))
         return ClosedLoop(*parts)
 
     def rig_loop(self, controller: Controller, road: Road, speed: Any) -> ClosedLoop:

@@ -10,9 +10,13 @@ from tuning.controllers.phase_times import short_phases
 from tuning.controllers.problem import ControllerProblem, problem_of
 from tuning.controllers.result import ResultRow, TuningResult
 from tuning.controllers.rows import rows_of
+from tuning.controllers.running import RunningProblem, running_problem
+from tuning.controllers.splits import SplitFigures, all_splits
 from tuning.core.descent import Progress
 from tuning.core.fit import fit
 from tuning.core.journal import Journal
+
+WHICH = ("untuned", "tuned")
 
 
 def tune_abs(
@@ -28,14 +32,23 @@ def tune_abs(
     Raises:
         ConfigError: naming the entry that cannot be used.
     """
-    problem = problem_of(config)
+    problem = problem_of(config) if config.setting == "located" else running_problem(config)
     fitted = fit(problem, config, progress=progress, journal=journal)
-    parameters = problem.setup.initial | fitted.values
+    parameters, splits = problem.setup.initial | fitted.values, []
+    if config.setting != "located":
+        splits = all_splits(problem.setup, {"untuned": problem.setup.initial, "tuned": parameters})
     rows = score(problem, parameters)
+    breached = [] if problem.regulation is None else problem.regulation.warnings(parameters)
     return TuningResult(
         parameters=parameters,
         rows=rows,
-        warnings=short_phases(problem.setup, problem.batch, parameters) + unstable_stops(rows),
+        splits=splits,
+        warnings=[
+            *short_phases(problem.setup, problem.batch, parameters),
+            *unstable_stops(rows),
+            *worse_apart(splits),
+            *breached,
+        ],
         cycles=certify_cycles(problem.setup, parameters),
         cost=fitted.cost,
         history=fitted.history,
@@ -45,7 +58,7 @@ def tune_abs(
     )
 
 
-def score(problem: ControllerProblem, parameters: dict[str, float]) -> list[ResultRow]:
+def score(problem: ControllerProblem | RunningProblem, parameters: dict[str, float]) -> list[ResultRow]:
     """The stops of the configured start and of tuned parameters, located, and those sampled."""
     setup, batch = problem.setup, problem.batch
     both = {name: np.array([setup.initial[name], value]) for name, value in parameters.items()}
@@ -78,6 +91,22 @@ def unstable_stops(rows: list[ResultRow]) -> list[str]:
         for row in rows
         if row.growth is None or is_unstable(row.growth)
     ]
+
+
+def worse_apart(splits: list[SplitFigures]) -> list[str]:
+    """A sentence where validation refutes a set: one it was not tuned on breaks a limit, or it is no better untuned."""
+    untuned, tuned = ({row.which: row for row in splits if row.split == "validation"}.get(w) for w in WHICH)
+    if untuned is None or tuned is None:
+        return []
+    found = []
+    if not tuned.feasible:
+        found.append(
+            f"in validation {tuned.unfinished} of {tuned.stops} stops do not end, {tuned.locked} lock above 15 km/h, "
+            f"{tuned.stuck} stick"
+        )
+    if untuned.feasible and untuned.mean is not None and (tuned.mean is None or tuned.mean >= untuned.mean):
+        found.append("in validation the tuned set is no better than the untuned one")
+    return found
 
 
 def _times(growth: float | None) -> str:

@@ -72,11 +72,12 @@ def published_gains(delay: float) -> dict[str, float]:
 def controller_of(case: Case) -> Any:
     """The controller, as it knows road, wheel and delay."""
     known, tyre = case.delay * case.known, surface(case.road)
-    road = {"c2": float(tyre.c2), "c3": float(tyre.c3)}
+    road: dict[str, Any] = {"c2": float(tyre.c2), "c3": float(tyre.c3), **case.parameters}
     if case.two_phase:
-        beta = {k: v for k, v in published_gains(known).items() if k != "gain"}
-        return PredictiveTwoPhase(delay=known, trust=case.trust, **{**beta, **road, **case.parameters})
-    return PredictiveTracking(delay=known, trust=case.trust, **{**published_gains(known), **road, **case.parameters})
+        beta: dict[str, Any] = {k: v for k, v in published_gains(known).items() if k != "gain"}
+        return PredictiveTwoPhase(delay=known, trust=case.trust, **(beta | road))
+    gains: dict[str, Any] = {**published_gains(known), **road}
+    return PredictiveTracking(delay=known, trust=case.trust, **gains)
 
 
 def car_of(case: Case) -> QuarterCar:
@@ -159,7 +160,7 @@ def stops(cases: Sequence[Case], sampled: bool = False, delayed: bool = True, ob
     return Stops(*(np.concatenate(columns) for columns in zip(*parts)))
 
 
-ROBUSTNESS = (
+ROBUSTNESS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("as it is", {}),
     ("delay thought half", {"known": 0.5}),
     ("delay thought half as long again", {"known": 1.5}),

@@ -50,6 +50,10 @@ CASES = (
 )
 
 
+EQUILIBRIA = ((0.0, 0.0), (float(np.pi), 0.0))
+"""Of the pendulum, hanging and upright."""
+
+
 class Course(NamedTuple):
     """A run on the grid, arrays (points,)."""
 
@@ -97,7 +101,7 @@ def pendulum_rows() -> list[dict[str, Any]]:
         predictor = PENDULUM.predictor(predicts)
         located = DelayedTracking(PENDULUM.chain, predictor, DELAY)
         sampled = SampledTracking(PENDULUM.chain, predictor, round(DELAY / TICK))
-        for how, system, step in (("located", located, 2e-3), ("sampled, 1 ms", sampled, TICK)):
+        for how, system, step in (("located", located, TICK), ("sampled, 1 ms", sampled, TICK)):
             found = course(system, (0.5, 0.0), max(INSTANTS), step)
             at = [abs(found.errors[0][round(t / step)]) for t in INSTANTS]
             rows.append({"law": name, "run": how, **{f"{t:g} s": float(f"{e:.4g}") for t, e in zip(INSTANTS, at)}})
@@ -125,7 +129,7 @@ def root_curves(delays: np.ndarray) -> dict[str, np.ndarray]:
     """Rightmost root of the pendulum over the delay, gains as published and in the unstable equilibrium too."""
     alpha, beta = jnp.full(2, PENDULUM.alpha), jnp.full(2, PENDULUM.beta)
     found = {}
-    for name, at in (("hanging", jnp.zeros(2)), ("upright", jnp.array([np.pi, 0.0]))):
+    for name, at in zip(("hanging", "upright"), jnp.array(EQUILIBRIA)):
         predicted = jax.jit(jax.vmap(lambda h, at=at: predictor_root(PENDULUM.chain, at, alpha, beta, h)))
         plain = jax.jit(jax.vmap(lambda h, at=at: unpredicted_root(PENDULUM.chain, at, alpha, h)))
         found[f"predicted, {name}"] = np.asarray(predicted(delays))
@@ -171,10 +175,8 @@ def _largest_stable(of_alpha: bool) -> float:
     def root(gain):
         if of_alpha:
             return integrator_root(gain, DELAY)
-        worst = [
-            predictor_root(PENDULUM.chain, at, fixed, jnp.full(2, gain), DELAY) for at in ([0.0, 0.0], [np.pi, 0.0])
-        ]
-        return jnp.maximum(*worst)
+        both = jax.vmap(lambda at: predictor_root(PENDULUM.chain, at, fixed, jnp.full(2, gain), DELAY))
+        return jnp.max(both(jnp.array(EQUILIBRIA)))
 
     low, high = 1.0, 200.0
     for _ in range(40):

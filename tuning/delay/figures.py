@@ -55,10 +55,10 @@ def margin_figure(speeds: np.ndarray, curves: Mapping[str, Mapping[str, np.ndarr
     return figure
 
 
-def nyquist_figure(plots: Mapping[str, np.ndarray]):
+def nyquist_figure(plots: Mapping[str, Any]):
     """G(j w) with the unit circle (Hoang 2014, Fig. 8.5 and 8.6)."""
     figure, axes = plt.subplots(1, len(plots), figsize=(10, 4.6), layout="constrained")
-    circle = np.exp(1j * np.linspace(0, 2 * np.pi, 200))
+    circle: Any = np.exp(1j * np.linspace(0, 2 * np.pi, 200))
     for panel, (name, G) in zip(np.atleast_1d(axes), plots.items()):
         panel.plot(circle.real, circle.imag, "k:", lw=0.9, label="unit circle")
         panel.plot(G.real, G.imag, "C0", label="G(jω), ω > 0")
@@ -134,7 +134,11 @@ def sweep_figure(rows: Sequence[Mapping[str, Any]], undelayed: float):
         cycling = np.array([row["cycling"] == "yes" for row in own])
         axes.plot(h, np.where(cycling, d, np.nan), "o-", color=f"C{i}", ms=4, label=law)
         axes.plot(
-            h[~cycling], d[~cycling], "x", color=f"C{i}", label=f"{law}, does not cycle" if not cycling.all() else None
+            h[~cycling],
+            d[~cycling],
+            "x",
+            color=f"C{i}",
+            label=f"{law}, no cycle, or step too large" if not cycling.all() else None,
         )
     axes.axhline(undelayed, color="k", ls=":", label="without delay")
     axes.set(

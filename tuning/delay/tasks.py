@@ -1,6 +1,7 @@
 """The study of delays: chains and their roots, delay margins, the brake; tables and figures."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -8,9 +9,11 @@ import numpy as np
 
 from tuning.controllers.published import ROADS, SPEEDS_KMH
 from tuning.core.figures import save
+from tuning.core.files import write_json
 from tuning.core.report import Report
 from tuning.core.terminal import say
 from tuning.delay import brake, chains, figures, margins
+from tuning.delay.sets import tuned_set
 from tuning.delay.traces import traces, undelayed_trace
 from tuning.delay.tune import tuned_gains
 
@@ -19,15 +22,16 @@ WINDOW = (0.5, 0.9)
 Tables = dict[str, list[dict[str, Any]]]
 
 
-def study(out: Path) -> Report:
-    """All of it."""
-    tables, files = {}, []
+def study(out: Path, retune: bool = False) -> Report:
+    """All of it; with the tuned sets made anew, or the shipped ones."""
+    tuned = {name: tuned_set(trust) for name, trust in brake.VERSIONS} if retune else brake.tuned_parameters()
+    tables, files = {}, [write_json(out / "delay_gains.json", tuned)]
     parts: dict[str, Callable[[Path], tuple[Tables, list[Path]]]] = {
         "chains and roots": chain_part,
         "delay margins": margin_part,
         "gains": gain_part,
         "tracking through a delay": tracking_part,
-        "stops": stop_part,
+        "stops": partial(stop_part, tuned=tuned),
     }
     for name, part in parts.items():
         say(f"  {name} ...")
@@ -100,7 +104,7 @@ def tracking_part(out: Path) -> tuple[Tables, list[Path]]:
     return {"tracking: through 10 ms, XBS by the observer of three states": rows}, files
 
 
-def stop_part(out: Path) -> tuple[Tables, list[Path]]:
+def stop_part(out: Path, tuned: dict[str, dict[str, float]]) -> tuple[Tables, list[Path]]:
     """Stops: over the delay, with errors, the published table, two phases."""
     undelayed = brake.stops([brake.Case()], delayed=False)
     found = brake.stops(brake.sweep_cases() + brake.robustness_cases())
@@ -111,16 +115,15 @@ def stop_part(out: Path) -> tuple[Tables, list[Path]]:
         "robustness: delay of 10 ms, dry asphalt from 120 km/h": brake.robustness_rows(
             brake.taken(found, slice(swept, None))
         ),
-        "distances through 10 ms [m]: to 10 km/h, located": table_rows(False),
-        "distances in a control unit [m]: to 10 km/h, 1 ms": table_rows(True),
+        "distances through 10 ms [m]: to 10 km/h, located": table_rows(tuned, sampled=False),
+        "distances in a control unit [m]: to 10 km/h, 1 ms": table_rows(tuned, sampled=True),
         "two phases through 10 ms: dry asphalt": two_phase_rows(),
     }
     return tables, [save(figures.sweep_figure(sweep, float(undelayed.distance[0])), out / "sweep.png")]
 
 
-def table_rows(sampled: bool) -> list[dict[str, Any]]:
+def table_rows(tuned: dict[str, dict[str, float]], sampled: bool) -> list[dict[str, Any]]:
     """Distances of the roads and speeds of the published table, without and with prediction, as published and tuned."""
-    tuned = brake.tuned_parameters()
     versions = {
         "not predicted": {"trust": 0.0},
         "predicted": {"trust": 1.0},

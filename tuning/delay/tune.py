@@ -18,11 +18,13 @@ from tuning.core.box import Box
 from tuning.core.config import Count, Positive, Whole, config
 from tuning.core.fit import Fitted, SearchConfig, fit
 from tuning.core.problem import Problem
-from tuning.delay.chains import DELAY, PENDULUM
+from tuning.delay.chains import DELAY, EQUILIBRIA, PENDULUM
 from tuning.delay.margins import RATIO, SLOPES
 
 BREACH = 30.0
 """Charge for a margin that is short of its limit, on the square of the share by which it is."""
+ROOM = 0.02
+"""Share of the limit by which a margin has to exceed it before nothing is charged: the charge begins gently."""
 DAMPING_WEIGHT = 0.3
 """What the logarithm of the damping counts against that of the gain."""
 SPEEDS = (10.0, 20.0, 30.0, 40.0, 50.0)
@@ -76,8 +78,8 @@ class PredictorGains(_Smooth):
         """h times the root of the worse equilibrium."""
         values = self.box.values(point)
         alpha, beta = (jnp.stack([values[name]] * 2) for name in ("alpha", "beta"))
-        roots = [predictor_root(PENDULUM.chain, at, alpha, beta, DELAY) for at in ([0.0, 0.0], [np.pi, 0.0])]
-        return DELAY * jnp.maximum(*roots)
+        roots = jax.vmap(lambda at: predictor_root(PENDULUM.chain, at, alpha, beta, DELAY))(jnp.array(EQUILIBRIA))
+        return DELAY * jnp.max(roots)
 
 
 class LoopGains(_Smooth):
@@ -97,7 +99,7 @@ class LoopGains(_Smooth):
         """The less the quicker."""
         values = self.box.values(point)
         margins = self.margins(values["gain"], values["zd"])
-        short = jnp.maximum(1 - margins / self.least, 0.0)
+        short = jnp.maximum(1 + ROOM - margins / self.least, 0.0)
         return -jnp.log(values["gain"]) - DAMPING_WEIGHT * jnp.log(values["zd"]) + BREACH * jnp.sum(short**2)
 
 

@@ -123,7 +123,7 @@ def simulate(
     loop = ClosedLoop(
         QuarterCar(wheel, road),
         Brake(rate_limit=750.0, lag=5e-3),
-        built("controllers", CONTROLLERS[controller], shipped("controllers.json")[controller], wheel),
+        built("controllers", CONTROLLERS[controller], shipped("controllers.json").get(controller, {}), wheel),
         stop_speed=stop_speed,
         driver=Driver(rate=400.0, delay=delay, largest=180.0),
     )

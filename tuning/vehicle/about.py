@@ -40,3 +40,12 @@ SPLIT_MU = About(
         "split_mu.png": "Yaw rate and side-slip over time, and what distance is paid for less of them.",
     },
 )
+REGULATION = About(
+    "Controllers of a car, screened after UN Regulation 13-H, Annex 6",
+    "Simulated tests after the regulation: how much of the adhesion is used, measured as it says, by stops of single "
+    "axles without anti-lock control; locks; changes of the road; split friction. It is no certificate.",
+    {
+        "screening": "What each row demands, what was reached, and the margin.",
+        ".png": "The stops of the screening: speed of the car and rims.",
+    },
+)

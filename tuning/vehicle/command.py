@@ -21,7 +21,7 @@ def vehicle_study(out: Out, force: Force = False) -> None:
 
 
 def drive_log(
-    log: Annotated[Path, typer.Option(help="Log of a car, CSV with a header.")],
+    log: Annotated[Path, typer.Argument(help="Log of a car, CSV with a header.")],
     out: Out,
     car: Annotated[Path | None, typer.Option(help="JSON of the car; the one beside the log if missing.")] = None,
     columns: Annotated[

@@ -1,0 +1,65 @@
+"""A controller tuned for where it runs: conditions drawn apart, limits that nothing pays for, a slope that descends."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.running import INFEASIBLE, running_problem
+from tuning.controllers.scatter import scattered
+from tuning.controllers.setup import Setup
+from tuning.core.config import ConfigError
+
+CONFIG = TuningConfig(
+    setting="sampled",
+    sampled_period=5e-3,
+    roads=("dry_asphalt",),
+    speeds_kmh=(50.0,),
+    stop_speed_kmh=15.0,
+    draws=16,
+    checked=2,
+    start={"eps1": 22.0, "eps2": 60.0, "u1": 25000.0, "u3": 3000.0, "u4": 400.0},
+    tune=("eps1", "eps5", "u4"),
+    smoothing=0.05,
+)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return running_problem(CONFIG)
+
+
+def test_a_step_down_the_slope_is_shorter_in_the_mean(problem):
+    start = problem.given
+    costs, slope = (np.asarray(x) for x in problem.costs_and_gradients(start, None))
+    before, after = problem.judge(np.concatenate([start, start - 0.1 * slope / np.linalg.norm(slope)]))
+    assert costs[0] == pytest.approx(before, abs=0.01)
+    assert after < before - 0.3 * 0.1 * np.linalg.norm(slope)
+
+
+def test_a_set_that_breaks_a_limit_is_worse_than_any_other(problem):
+    shorter = dataclasses.replace(problem.judged, longest_cycle=1e-3)
+    strict = dataclasses.replace(problem, judged=shorter)
+    assert problem.judge(problem.given)[0] < 2
+    assert strict.judge(problem.given)[0] > INFEASIBLE
+
+
+def test_splits_are_drawn_apart_and_again_the_same():
+    setup = Setup.of(dataclasses.replace(CONFIG, draws=2))
+    training, again, test = (scattered(setup, split) for split in ("training", "training", "test"))
+    np.testing.assert_array_equal(training.speed, again.speed)
+    assert not np.any(np.isclose(training.speed, test.speed))
+    phase = np.asarray(training.loop.driver.delay)
+    assert np.all((phase >= 0) & (phase < CONFIG.sampled_period)) and np.ptp(phase) > 0
+    assert np.all(training.ideal > 0)
+
+
+def test_what_cannot_be_scattered_is_refused():
+    changing = {"surfaces": ["dry_asphalt", "snow"], "changes": [5.0]}
+    with pytest.raises(ConfigError, match="not scattered"):
+        running_problem(TuningConfig.from_json({"setting": "sampled", "roads": [changing]}))
+    with pytest.raises(ConfigError, match="conditions"):
+        TuningConfig(setting="chain", conditions={"weight": 0.1})
+    with pytest.raises(ConfigError, match="reference"):
+        TuningConfig(setting="chain", reference="published")

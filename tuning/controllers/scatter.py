@@ -1,0 +1,120 @@
+"""Conditions a controller meets where it runs, drawn around the rows of a configuration.
+
+Every row of road, speed and pedal is drawn so many times: the coefficients of its tyre curve, load, radius, brake
+efficiency, lag, pedal and speed vary, and so do the phase of the control unit's clock, and the noise or the encoder of
+what it measures with. The controller knows the nominal wheel. What is tuned on, what chooses between candidates and
+what is reported in the end are drawn apart.
+"""
+
+import dataclasses
+from typing import Any, Literal
+
+import jax
+import numpy as np
+
+from absjax.encoder.edges import capacity_for
+from absjax.encoder.encoder import Encoder
+from absjax.loop.ideal import ideal_distance
+from absjax.plant.brake import Brake
+from absjax.plant.road import UniformRoad
+from absjax.plant.wheel import GRAVITY
+from absjax.sensors.base import Sensor
+from absjax.sensors.delayed import DelayedSensor
+from absjax.sensors.encoder import EncoderSensor
+from absjax.sensors.noisy import NoisySensor
+from tuning.controllers.batch import SAFETY_HORIZON, Batch
+from tuning.controllers.config import Scatter, TuningConfig
+from tuning.controllers.rows import rows_of
+from tuning.controllers.setup import Setup
+from tuning.core.config import ConfigError
+from tuning.core.roads import stacked
+from tuning.encoder.chains import edge_chain, measured_chain
+
+Split = Literal["training", "validation", "test"]
+LARGEST_SEED = 2**31
+SPLITS: tuple[Split, ...] = ("training", "validation", "test")
+ROLLING = 2000
+"""Samples of free rolling before the pedal: by then the harmonics of the encoder are learned."""
+TEETH, EVENTS, HARMONICS, MEMORY = 60, 12, 12, 0.012
+"""Of the chain; the memory in s."""
+LEFT = {"edges": 0.45, "window": 0.58}
+"""Standard deviation of an edge's error behind a chain, over the tolerance: uniform within it, 1 / sqrt(3), of which
+compensation through the edges takes off the lowest 12 of 30 harmonics."""
+
+
+def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
+    """The batch of a setup in scattered conditions.
+
+    Args:
+        stand_in: whether a chain is replaced by what is smooth (`absjax.sensors.delayed`).
+
+    Raises:
+        ConfigError: if a road changes: only uniform ones are scattered.
+    """
+    scatter = Scatter(**setup.config.conditions)
+    draws = setup.config.draws if split == "training" else setup.config.checked
+    config, rows = setup.config, rows_of(setup.config)
+    rng = np.random.default_rng((config.seed, SPLITS.index(split)))
+    lanes = [row for row in rows for _ in range(draws)]
+    count = len(lanes)
+
+    def around(values: Any, deviation: float):
+        return np.broadcast_to(values, count) * np.exp(deviation * rng.normal(size=count))
+
+    road = stacked([row.road for row in lanes])
+    if not isinstance(road, UniformRoad):
+        raise ConfigError("roads: those that change along the way are not scattered; setting = 'located' has them")
+    tyre = jax.tree.map(lambda c: around(c, scatter.curve), road.tyre)
+    wheel = dataclasses.replace(
+        setup.wheel,
+        load=around(setup.wheel.load, scatter.load),
+        radius=around(setup.wheel.radius, scatter.radius),
+        brake_efficiency=around(setup.wheel.brake_efficiency, scatter.brake_efficiency),
+    )
+    lag = None if setup.brake.lag is None else around(setup.brake.lag, scatter.lag)
+    speed = around([row.speed for row in lanes], scatter.speed)
+    phase = rng.uniform(size=count) * config.sampled_period
+    driver = dataclasses.replace(
+        setup.driver,
+        rate=around([row.pedal_rate for row in lanes], scatter.pedal),
+        delay=np.asarray(setup.driver.delay) + phase,
+    )
+    loop = setup.loop(setup.controller(), UniformRoad(tyre))
+    nominal: Any = loop.plant
+    plant = dataclasses.replace(nominal, wheel=wheel)
+    brake = Brake(setup.brake.rate_limit, lag, setup.brake.delay)
+    loop = dataclasses.replace(loop, plant=plant, brake=brake, driver=driver)
+    slowest = max(v / (GRAVITY * float(m)) for v, m in zip(speed, np.asarray(tyre.peak().friction)))
+    horizon = SAFETY_HORIZON * slowest + 1.0
+    seeds = rng.integers(LARGEST_SEED, size=count)
+    noise = rng.uniform(0.0, scatter.noise, count)
+    return Batch(
+        loop=loop,
+        speed=speed,
+        ideal=np.asarray(ideal_distance(dataclasses.replace(loop, observer=None), speed, horizon=horizon)),
+        published=np.zeros(count),
+        sensor=_sensor(config, setup, seeds, noise, scatter, stand_in),
+        longest_cycle=config.longest_cycle,
+        longest_lock=config.longest_lock,
+        horizon=horizon,
+        step=setup.step,
+        substeps=setup.substeps(),
+        max_events=config.max_events,
+    )
+
+
+def _sensor(config: TuningConfig, setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensor | None:
+    if setup.sensor is not None:
+        return setup.sensor
+    if config.setting != "chain":
+        return NoisySensor(noise, float(setup.wheel.radius), seeds)
+    memory = MEMORY if config.chain == "edges" else None
+    if stand_in:
+        left = LEFT[config.chain] * scatter.tolerance
+        kept = {} if memory is None else {"memory": memory}
+        return DelayedSensor(float(TEETH), float(EVENTS), left=left, phase=2 * np.pi * seeds / LARGEST_SEED, **kept)
+    encoder = Encoder.random([int(seed) for seed in seeds], TEETH, scatter.tolerance)
+    fastest = 1.2 * max(row.speed for row in rows_of(config)) / float(setup.wheel.radius)
+    capacity = capacity_for(fastest * config.sampled_period / encoder.pitch)
+    chain = measured_chain(TEETH, EVENTS) if memory is None else edge_chain(TEETH, EVENTS, HARMONICS, memory)
+    return EncoderSensor(encoder, chain, rolling=ROLLING, period=config.sampled_period, capacity=capacity)

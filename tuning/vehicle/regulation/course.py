@@ -1,0 +1,113 @@
+"""What is read off the course of a stop: braking rates, locks, steerability, a passage, what the driver steered."""
+
+import math
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from absjax._numerics import safe_divide
+from absjax.lanes import over_lanes
+from absjax.loop.sampled_loop import loop_state
+from absjax.loop.stop import Outcome, Stop
+from absjax.loop.vehicle_loop import VehicleLoop
+from absjax.plant.combined_slip import used
+from absjax.plant.four_wheel import FourWheel
+from absjax.plant.wheel import GRAVITY
+from tuning.vehicle.regulation.quantities import KMH, braking_rate
+
+FRONT = 2
+"""Wheels of the front axle: the first two."""
+SIDE_SLIP = math.sin(math.radians(4.0))
+"""ly at which steerability is told."""
+SOON = 2.0
+"""Time in which little may be steered, s (5.3.6)."""
+WINDOW = 20
+"""Points over which a deceleration is taken: 0.1 s, not the jolt of wheels that spin up."""
+SHARE = 0.9
+"""Of the mean deceleration on the high surface: what counts as a high one."""
+TOLD = Outcome.STOPPED, Outcome.STILL_MOVING, Outcome.STEP_TOO_LARGE
+"""Ends of a stop up to which its locks are known."""
+
+
+class Course(NamedTuple):
+    """Of stops, (lanes,)."""
+
+    utilised: Any
+    """z from 45 to 15 km/h"""
+    rate: Any
+    """z from 40 to 20 km/h"""
+    lock: Any
+    """longest lock above 15 km/h [s]; infinite for a stop that is not told to its end"""
+    steerability: Any
+    """lateral force at a side-slip of 4 deg over that of a rolling wheel, front axle, mean from 45 to 15 km/h"""
+    passed: Any
+    """speed where the surface changes [m/s]"""
+    steered_soon: Any
+    """largest angle of the front wheels in the first two seconds [rad]"""
+    steered: Any
+    """in all [rad]"""
+    clearance: Any
+    """least distance of the middle of a tyre from the line between its two sides [m]; negative beyond it"""
+    yaw: Any
+    """largest yaw angle [rad]"""
+    outcome: Any
+    """an `Outcome` code"""
+
+
+def courses(loops: VehicleLoop, stops: Stop) -> Course:
+    """Of the stops of loops, lanes."""
+    path = stops.rollout.path
+    told = jnp.isin(stops.outcome, jnp.array(TOLD))
+    lock = jnp.where(told, stops.longest_lock[0], jnp.inf)
+    return over_lanes(_course, loops, path.time, loop_state(path.state).vehicle, lock, stops.outcome)
+
+
+def _course(loop: VehicleLoop, time, state, lock, outcome) -> Course:
+    car, motion = loop.vehicle, state.motion
+    assert isinstance(car, FourWheel)
+    speed = motion.longitudinal
+    angle = jnp.abs(jax.vmap(car.steering.angle)(time, state.steering))
+    aside = speed * jnp.sin(motion.yaw) + motion.lateral * jnp.cos(motion.yaw)
+    strayed = jnp.cumsum((aside[1:] + aside[:-1]) / 2 * jnp.diff(time))
+    sine, cosine = jnp.sin(motion.yaw[1:]), jnp.cos(motion.yaw[1:])
+    places = [jnp.sign(y) * (strayed + x * sine + y * cosine) for x, y in zip(car.ahead, car.left)]
+    return Course(
+        utilised=braking_rate(time, speed, 45 * KMH, 15 * KMH),
+        rate=braking_rate(time, speed, 40 * KMH, 20 * KMH),
+        lock=lock,
+        steerability=steerability(car, time, state),
+        passed=jnp.interp(car.roads[0].changes[0], motion.distance, speed),
+        steered_soon=jnp.where(time <= loop.driver.delay + SOON, angle, 0.0).max(),
+        steered=angle.max(),
+        clearance=jnp.stack(places).min(),
+        yaw=jnp.abs(motion.yaw).max(),
+        outcome=outcome,
+    )
+
+
+def steerability(car: FourWheel, time, state):
+    """(mu(s) ly / s) / mu(ly) with s = |(lx, ly)|, ly = sin 4 deg: mean of the front wheels from 45 to 15 km/h."""
+    speed = state.motion.longitudinal
+    counts = (speed <= 45 * KMH) & (speed >= 15 * KMH)
+
+    def share(time, state):
+        slips, place = car.slips(time, state)[:FRONT], state.motion.distance
+        left = [lateral_share(road, along, time, place) for road, (along, _) in zip(car.roads, slips)]
+        return sum(left) / FRONT
+
+    shares = jax.vmap(share)(time, state)
+    return safe_divide(jnp.where(counts, shares, 0.0).sum(), counts.sum(), counts.any())
+
+
+def lateral_share(road, along, time, place):
+    """Lateral force of a wheel with slip lx at a side-slip of 4 deg, over that of a wheel that rolls freely."""
+    return used(road, along, SIDE_SLIP, time, place).across / used(road, 0.0 * along, SIDE_SLIP, time, place).across
+
+
+def rise_time(time, speed, distance, change, rate):
+    """From the passage of the front axle to a deceleration of `SHARE` times a braking rate [s]; infinite if never."""
+    passes = jnp.interp(change, distance, time)
+    over, lost = time[WINDOW:] - time[:-WINDOW], speed[:-WINDOW] - speed[WINDOW:]
+    reached = (time[:-WINDOW] >= passes) & (over > 0) & (lost >= SHARE * rate * GRAVITY * over)
+    return jnp.where(reached.any(), time[WINDOW:][jnp.argmax(reached)] - passes, jnp.inf)

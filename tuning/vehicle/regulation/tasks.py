@@ -1,0 +1,124 @@
+"""The command on the regulation: a controller set on cars, screened, with its table and figures."""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from tuning.cars.car import CarFigures, shipped_cars
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.recipes import tuned_sets
+from tuning.controllers.regulation import clocked, on_car
+from tuning.core.config import ConfigError, choice
+from tuning.core.figures import save
+from tuning.core.files import write_csv, write_json
+from tuning.core.report import Report
+from tuning.core.version import VERSION
+from tuning.vehicle.regulation.figures import stops_figure
+from tuning.vehicle.regulation.screening import LOADS, Row, Screened, screened
+
+OWN = "own"
+"""The car of the configuration, among the names of cars."""
+
+
+def cars_of(config: TuningConfig, names: Sequence[str] | None) -> dict[str, CarFigures]:
+    """Cars by name; all that are shipped, or those named: `OWN` is the one of the configuration.
+
+    Raises:
+        ConfigError: if there is no such car.
+    """
+    known = dict(shipped_cars())
+    if config.vehicle is not None:
+        known[OWN] = config.vehicle.figures
+    names = tuple(shipped_cars()) if names is None else names
+    for name in names:
+        choice("--cars", name, known)
+    return {name: known[name] for name in names}
+
+
+def shipped_set(name: str) -> TuningConfig:
+    """The shipped tuned set of a controller; of one that has none, its defaults.
+
+    Raises:
+        ConfigError: if there is no such controller.
+    """
+    return tuned_sets().get(name) or TuningConfig(controller=name)
+
+
+def screening_of(config: TuningConfig, car: str, figures: CarFigures, *, located: bool = False) -> Screened:
+    """A set on a car, sampled as the configuration has it or with switchings located."""
+    setups = {laden: on_car(config, figures, laden=laden) for laden in LOADS}
+    loops: dict[bool, Any] = {laden: setup.loop_of() for laden, setup in setups.items()}
+    return screened(car, figures, loops, clocked(setups[False], located))
+
+
+def regulation(
+    config: TuningConfig, cars: dict[str, CarFigures], out: Path, *, located: bool = False
+) -> Iterator[Report]:
+    """A report for each car, the last with what all of them say together."""
+    rows: list[Row] = []
+    for i, (car, figures) in enumerate(cars.items()):
+        found = screening_of(config, car, figures, located=located)
+        rows += found.rows
+        files = [save(stops_figure(found, f"{config.kind.title}, {car}".replace("_", " ")), out / f"{car}.png")]
+        if i == len(cars) - 1:
+            written = {"version": VERSION, "config": config.to_json(), "located": located}
+            written["rows"] = [dataclasses.asdict(row) for row in rows]
+            files += [write_csv(_cells(rows), out / "screening.csv"), write_json(out / "result.json", written)]
+        yield Report({f"screening: {car}, {config.kind.title}": _cells(found.rows)}, verdicts(found.rows), files)
+
+
+def verdicts(rows: Sequence[Row]) -> list[str]:
+    """Of each car in a line: whether every row is passed, or which are not."""
+    said = []
+    for car in dict.fromkeys(row.car for row in rows):
+        mine = [row for row in rows if row.car == car]
+        failed = [row for row in mine if row.passed is False]
+        narrow = [row for row in mine if row.passed and not row.passed_with_margin]
+        line = (
+            f"{car.replace('_', ' ')}: every row passed"
+            if not failed
+            else (
+                f"{car.replace('_', ' ')}: {len(failed)} of {len(mine)} rows failed: {', '.join(map(_called, failed))}"
+            )
+        )
+        said.append(line + (f"; without the margin of 5 %: {', '.join(map(_called, narrow))}" if narrow else ""))
+    return said
+
+
+def _called(row: Row) -> str:
+    return f"{row.quantity.split(' [')[0]} ({row.surface}, {row.load})"
+
+
+def _cells(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    said = {True: "yes", False: "no", None: "-"}
+
+    def number(value: float | None, missing: str) -> str:
+        return missing if value is None else f"{value:.3f}"
+
+    return [
+        {
+            "car": row.car,
+            "load": row.load,
+            "surface": row.surface,
+            "quantity": row.quantity,
+            "demanded": number(row.demanded, "-"),
+            "reached": number(row.reached, "never"),
+            "margin [%]": "-" if row.margin is None else f"{100 * row.margin:.1f}",
+            "passed": said[row.passed],
+            "with 5 %": said[row.passed_with_margin],
+            "note": row.note,
+        }
+        for row in rows
+    ]
+
+
+def config_of(data: Any, controller: str | None) -> TuningConfig:
+    """The set to screen: of a file, or a shipped one by the name of its controller.
+
+    Raises:
+        ConfigError: if neither is given, or both are; or the entry that cannot be used.
+    """
+    if (data is None) == (controller is None):
+        raise ConfigError("one of --config and --controller is needed: a result or configuration, or a shipped set")
+    return TuningConfig.from_json(data) if controller is None else shipped_set(controller)
