@@ -31,9 +31,11 @@ SETTLE = 1.0
 """Errors count from here on [s]."""
 SUBSTEPS = 2
 """Grid steps a sample."""
+STARTS = (1.4, 0.9, 0.6, 0.4, 0.25, 0.15)
+"""Peak friction among which the fit begins where the misfit is least: one that spins on its way has other minima."""
 STEPS, SHORTEST = 8, 1e-3
 """Of Gauss and Newton, at most, and as short as the last may be."""
-LONGEST = 0.7
+LONGEST = 0.3
 """Longest step, of the logarithm of the scale."""
 YAW_RATE, ACCELERATION = 0.01, 0.3
 """Errors that weigh alike: rad/s, and m/s^2, the roll of the body taken off."""
@@ -197,15 +199,16 @@ def _fitted(log: VehicleLog, car: Car, variants: list[Variant]) -> list[Drive]:
         return jax.tree.map(np.asarray, motion), np.asarray(cost), np.asarray(wanted)
 
     peaks = [float(TYRES[v.tyre].peak().friction) for v in variants]
-    scale = -np.log(peaks)  # a peak of 1: from too much friction on, a car does not spin on the way
-    motion, cost, step = at(scale)
+    tried = [(np.log(np.divide(peak, peaks)), *at(np.log(np.divide(peak, peaks)))) for peak in STARTS]
+    best = np.argmin([cost for _, _, cost, _ in tried], axis=0)
+    scale, motion, cost, step = jax.tree.map(lambda *x: np.stack(x)[best, np.arange(len(best))], *tried)
     for _ in range(STEPS):
         if np.all(np.abs(step) < SHORTEST):
             break
-        tried, after, wanted = at(scale + step)
+        moved, after, wanted = at(scale + step)
         better = after < cost
         scale, cost = np.where(better, scale + step, scale), np.where(better, after, cost)
-        motion = jax.tree.map(lambda new, old, b=better: np.where(b[:, None], new, old), tried, motion)
+        motion = jax.tree.map(lambda new, old, b=better: np.where(b[:, None], new, old), moved, motion)
         step = np.where(better, wanted, step / 4)
     return [
         Drive(v, peak * float(np.exp(s)), float(c), jax.tree.map(lambda x, i=i: x[i], motion))

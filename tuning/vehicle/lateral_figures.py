@@ -70,7 +70,7 @@ def split_mu_figure(cases: Sequence[Case], title: str):
     for column, name in enumerate(steering):
         axes[0, column].set(title=f"steering: {name}", ylabel="yaw rate [deg/s]")
         axes[1, column].set(xlabel="time [s]", ylabel="side-slip [deg]")
-    axes[0, 2].set_title(f"circles: {steering[0]}, squares: {steering[-1]}; without those that spun")
+    axes[0, 2].set_title(f"circles: {steering[0]}, squares: {steering[-1]}\ncars that spun left out", fontsize="medium")
     axes[1, 2].set_xlabel("distance [m]")
     for panel in axes.flat:
         panel.grid(alpha=0.3, which="both")

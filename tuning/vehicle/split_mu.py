@@ -87,7 +87,7 @@ def split_stop(loop: VehicleLoop, speed: Any, *, horizon: float) -> SplitStop:
     Args:
         horizon: longest time allowed [s].
     """
-    result = stop(loop, speed, horizon=horizon, step=STEP, max_events=1200, save_every=SAVE_EVERY)
+    result = stop(loop, speed, horizon=horizon, step=STEP, max_events=4000, save_every=SAVE_EVERY)
     motion = result.rollout.path.state.vehicle.motion
     yaw = result.rollout.state.vehicle.motion.yaw
     return SplitStop(result.distance, largest(motion.yaw_rate), largest(motion.side_slip), yaw, result)
