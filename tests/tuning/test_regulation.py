@@ -121,8 +121,15 @@ def test_locks_of_more_than_a_fifth_of_a_second_fail_by_name():
     lost = judged(False, lambda stop: {"lock": math.inf, "outcome": Outcome.DIVERGED} if stop.name == "split" else {})
     row = lost["split", "lock from 50 [s]"]
     assert row.passed is False and row.reached is None and row.note == "diverged"
-    said = "car: 1 of 15 rows failed: lock from 50 (split, unladen); without the margin of 5 %: "
-    assert tasks.verdicts(list(lost.values())) == [said + "utilisation of adhesion (high, unladen)"]
+    assert tasks.verdict(list(lost.values())) == (
+        "rows failed, car",
+        [
+            "car: 1 of 15 rows failed: lock from 50 (split, unladen)",
+            "car: not by 5 %: utilisation of adhesion (high, unladen)",
+        ],
+    )
+    good = judged(False, lambda stop: {"utilised": 0.7 if stop.surface == "high" else 0.28})
+    assert tasks.verdict(list(good.values())) == ("every row passed, car", [])
 
 
 def test_too_good_a_utilisation_doubts_the_adhesion():

@@ -34,9 +34,11 @@ COLOURS = {
     "sound": "good",
     "nothing looks wrong": "good",
     "certified": "good",
+    "every row passed": "good",
     "doubtful": "care",
     "refuted": "bad",
     "NOT certified": "bad",
+    "rows failed": "bad",
 }
 """Of a box, by how a verdict begins."""
 LIBRARIES = ("jax", "jaxlib", "numpy", "scipy")

@@ -65,25 +65,22 @@ def regulation(
             written = {"version": VERSION, "config": config.to_json(), "located": located}
             written["rows"] = [dataclasses.asdict(row) for row in rows]
             files += [write_csv(_cells(rows), out / "screening.csv"), write_json(out / "result.json", written)]
-        yield Report({f"screening: {car}, {config.kind.title}": _cells(found.rows)}, verdicts(found.rows), files)
+        word, reasons = verdict(found.rows)
+        tables = {f"screening of {car}: {config.kind.title}": _cells(found.rows)}
+        yield Report(tables, [], files, verdict=word, reasons=reasons)
 
 
-def verdicts(rows: Sequence[Row]) -> list[str]:
-    """Of each car in a line: whether every row is passed, or which are not."""
-    said = []
-    for car in dict.fromkeys(row.car for row in rows):
-        mine = [row for row in rows if row.car == car]
-        failed = [row for row in mine if row.passed is False]
-        narrow = [row for row in mine if row.passed and not row.passed_with_margin]
-        line = (
-            f"{car.replace('_', ' ')}: every row passed"
-            if not failed
-            else (
-                f"{car.replace('_', ' ')}: {len(failed)} of {len(mine)} rows failed: {', '.join(map(_called, failed))}"
-            )
-        )
-        said.append(line + (f"; without the margin of 5 %: {', '.join(map(_called, narrow))}" if narrow else ""))
-    return said
+def verdict(rows: Sequence[Row]) -> tuple[str, list[str]]:
+    """Of a car: a verdict, and the rows that speak against it."""
+    car = rows[0].car.replace("_", " ")
+    failed = [row for row in rows if row.passed is False]
+    narrow = [row for row in rows if row.passed and not row.passed_with_margin]
+    reasons = [f"{car}: {len(failed)} of {len(rows)} rows failed: {', '.join(map(_called, failed))}"] if failed else []
+    if narrow:
+        reasons.append(f"{car}: not by 5 %: {', '.join(map(_called, narrow))}")
+    if failed:
+        return f"rows failed, {car}", reasons
+    return f"every row passed{', not each by 5 %' if narrow else ''}, {car}", reasons
 
 
 def _called(row: Row) -> str:
