@@ -40,8 +40,8 @@ LEAST, MOST = 0.1, 1.5
 """Brake force of a wheel over its static load between which the pressure of lock is looked for."""
 PRESSURES = 8
 """In a round."""
-ROUNDS = 3
-"""The first in steps of 47 %, the last of 0.7 %."""
+ROUNDS = 4
+"""The first in steps of 47 %, the last of 0.1 %."""
 STEP, HORIZON, SAVED = 2e-3, 12.0, 5
 MAX_EVENTS = 12
 

@@ -13,6 +13,7 @@ from absjax.loop.stop import Outcome, Stop
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.plant.combined_slip import used
 from absjax.plant.four_wheel import FourWheel
+from absjax.plant.road import ChangingRoad
 from absjax.plant.wheel import GRAVITY
 from tuning.vehicle.regulation.quantities import KMH, braking_rate
 
@@ -66,7 +67,8 @@ def courses(loops: VehicleLoop, stops: Stop) -> Course:
 def _course(loop: VehicleLoop, time, state, lock, outcome) -> Course:
     car, motion = loop.vehicle, state.motion
     assert isinstance(car, FourWheel)
-    speed = motion.longitudinal
+    road, speed = car.roads[0], motion.longitudinal
+    assert isinstance(road, ChangingRoad)
     angle = jnp.abs(jax.vmap(car.steering.angle)(time, state.steering))
     aside = speed * jnp.sin(motion.yaw) + motion.lateral * jnp.cos(motion.yaw)
     strayed = jnp.cumsum((aside[1:] + aside[:-1]) / 2 * jnp.diff(time))
@@ -77,7 +79,7 @@ def _course(loop: VehicleLoop, time, state, lock, outcome) -> Course:
         rate=braking_rate(time, speed, 40 * KMH, 20 * KMH),
         lock=lock,
         steerability=steerability(car, time, state),
-        passed=jnp.interp(car.roads[0].changes[0], motion.distance, speed),
+        passed=jnp.interp(road.changes[0], motion.distance, speed),
         steered_soon=jnp.where(time <= loop.driver.delay + SOON, angle, 0.0).max(),
         steered=angle.max(),
         clearance=jnp.stack(places).min(),

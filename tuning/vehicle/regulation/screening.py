@@ -98,7 +98,7 @@ class Adhesions(NamedTuple):
     """Of a car, unladen (False) and laden (True)."""
 
     weights: dict[bool, Weights]
-    found: dict[bool, dict[str, tuple[float, float]]]
+    found: dict[bool, dict[str, tuple[float, ...]]]
     """(k_f, k_r) by surface"""
 
 
@@ -138,9 +138,9 @@ def quantities(laden: bool, stops: Sequence[tuple[Lane, Course]], known: Adhesio
             name = f"time to rise from {stop.at:g} [s]"
             found.append(Quantity(stop.surface, name, rise, None, ends, False, False, *passed))
         elif stop.name != "utilisation":
-            note = passed if stop.name == "passage" else ()
+            note, told = passed if stop.name == "passage" else ("", ())
             name = f"lock from {stop.at:g} [s]"
-            found.append(Quantity(stop.surface, name, course.lock, LONGEST_LOCK, ends, False, False, *note))
+            found.append(Quantity(stop.surface, name, course.lock, LONGEST_LOCK, ends, False, False, note, told))
     split = next(course for lane, course in stops if lane.stop.name == "split")
     ends = [split.outcome]
     if laden:
