@@ -271,7 +271,7 @@ class FourWheel:
         return nothing._replace(motion=motion, along=slips, across=slips, steering=self.steering.scales(state.steering))
 
     def speed_of(self, time, state: FourWheelState):
-        """vx [m/s]."""
+        """vx [m/s]: a car that spins comes to any stop speed while it still moves forward, where the model is valid."""
         return state.motion.longitudinal
 
     def position(self, time, state: FourWheelState):

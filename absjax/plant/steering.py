@@ -93,10 +93,10 @@ class YawDriver:
     lag delta' = A tanh(-(K r + Kp psi) / A) - delta
     """
 
-    yaw_gain: Any = parameter("K, rad per rad/s of yaw rate", default=0.25, low=0.0)
-    heading_gain: Any = parameter("Kp, rad per rad of yaw angle", default=0.3, low=0.0)
-    lag: Any = parameter("s", default=0.2, low=0.0, open_low=True)
-    largest: Any = parameter("A, largest angle, rad", default=0.15, low=0.0, high=1.2, open_low=True)
+    yaw_gain: Any = parameter("K, rad per rad/s of yaw rate", default=0.4, low=0.0)
+    heading_gain: Any = parameter("Kp, rad per rad of yaw angle", default=0.8, low=0.0)
+    lag: Any = parameter("s", default=0.15, low=0.0, open_low=True)
+    largest: Any = parameter("A, largest angle, rad", default=0.25, low=0.0, high=1.2, open_low=True)
 
     def initial_state(self, speed):
         """delta: straight ahead."""

@@ -17,16 +17,16 @@ from tuning.vehicle.split_mu import checked, largest
 
 def test_a_car_driven_by_the_log_of_another_finds_its_friction_and_its_motion(tmp_path):
     """The simulator's tyres are of another kind; its road has less friction than the curve the fit begins with."""
-    columns = drive(lambda t: 0.06 * np.sin(1.5 * t), lambda t: 0.6, 20.0, 6.0)
+    columns = drive(lambda t: 0.04 * np.sin(1.5 * t), lambda t: 0.6, 20.0, 6.0)
     path = tmp_path / "slalom.csv"
     pd.DataFrame(columns).to_csv(path, index=False)
     log = read_vehicle_log(path, Car(**CAR))
     found = driven_by(log, Car(**CAR), (Variant("Burckhardt, wet"), Variant("Burckhardt, wet", 0.5)))
     errors = found[0].errors(log)
-    assert 0.4 < found[0].friction < 0.9
-    assert errors["yaw rate rms [rad/s]"] < 0.02 and errors["side-slip rms [deg]"] < 1.0
+    assert 0.5 < found[0].friction < 0.75
+    assert errors["yaw rate rms [rad/s]"] < 0.01 and errors["side-slip rms [deg]"] < 0.3
     assert np.sqrt(np.mean(log.true_side_slip**2)) > np.radians(1.0)
-    assert found[1].cost != found[0].cost
+    assert found[1].cost > found[0].cost
 
 
 def test_the_smooth_maximum_is_the_maximum():

@@ -13,7 +13,7 @@ from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import certify_cycles
 from tuning.controllers.demo import limited
 from tuning.controllers.load import load_controller, plot_stop
-from tuning.controllers.problem import _bounded, problem_of
+from tuning.controllers.problem import bounded, problem_of
 from tuning.controllers.report import tuning_rows
 from tuning.controllers.result import TuningResult
 from tuning.controllers.setup import Setup
@@ -300,4 +300,4 @@ def test_unstable_stops_are_named_and_pull_no_harder_than_others(result):
     assert len(said) == 2 and "-16 times as much" in said[0] and "beyond all bounds" in said[1]
     assert all(row.growth is not None and abs(row.growth - 2) < 1 for row in result[0].rows)
     long = np.array([[3.0, 4.0], [3e5, 4e5], [np.inf, 1.0]])
-    np.testing.assert_allclose(_bounded(long), [[3.0, 4.0], [6.0, 8.0], [0.0, 0.0]], rtol=1e-12)
+    np.testing.assert_allclose(bounded(long), [[3.0, 4.0], [6.0, 8.0], [0.0, 0.0]], rtol=1e-12)

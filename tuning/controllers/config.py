@@ -108,7 +108,7 @@ class TuningConfig(SearchConfig):
             told the truth but for noise and radius, or what `sensor` tells; 'chain': the same, told by an encoder.
         chain: 'edges': a window of 12 ms, the encoder's errors taken off through the edges; 'window': the last 12.
         draws: of every row, in training; checked: in validation and test each, for a setting other than 'located'.
-        conditions: how much they scatter, by name of `tuning.controllers.scatter.Scatter`.
+        conditions: how much they scatter, by name of `tuning.controllers.config.Scatter`.
         smoothing: standard deviation of the scatter of points a slope is fitted over, on the scales of the box.
     """
 

@@ -80,7 +80,8 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
         delay=np.asarray(setup.driver.delay) + phase,
     )
     loop = setup.loop(setup.controller(), UniformRoad(tyre))
-    plant = dataclasses.replace(loop.plant, wheel=wheel)
+    nominal: Any = loop.plant
+    plant = dataclasses.replace(nominal, wheel=wheel)
     brake = Brake(setup.brake.rate_limit, lag, setup.brake.delay)
     loop = dataclasses.replace(loop, plant=plant, brake=brake, driver=driver)
     slowest = max(v / (GRAVITY * float(m)) for v, m in zip(speed, np.asarray(tyre.peak().friction)))

@@ -134,7 +134,11 @@ def sweep_figure(rows: Sequence[Mapping[str, Any]], undelayed: float):
         cycling = np.array([row["cycling"] == "yes" for row in own])
         axes.plot(h, np.where(cycling, d, np.nan), "o-", color=f"C{i}", ms=4, label=law)
         axes.plot(
-            h[~cycling], d[~cycling], "x", color=f"C{i}", label=f"{law}, does not cycle" if not cycling.all() else None
+            h[~cycling],
+            d[~cycling],
+            "x",
+            color=f"C{i}",
+            label=f"{law}, no cycle, or step too large" if not cycling.all() else None,
         )
     axes.axhline(undelayed, color="k", ls=":", label="without delay")
     axes.set(

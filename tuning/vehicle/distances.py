@@ -98,7 +98,9 @@ def compared(config: TuningConfig, sets: Mapping[str, Mapping[str, float]]) -> l
     return found
 
 
-def distances(car: Any, roads: Sequence[Any], speeds_kmh: tuple[float, ...], controllers=CONTROLLERS) -> list[Found]:
+def distances(
+    car: Any, laden: bool, roads: Sequence[Any], speeds_kmh: tuple[float, ...], controllers: Sequence[str] = CONTROLLERS
+) -> list[Found]:
     """Every set of every controller in every setting on a car."""
     found = []
     for controller in controllers:
@@ -107,7 +109,7 @@ def distances(car: Any, roads: Sequence[Any], speeds_kmh: tuple[float, ...], con
             roads=tuple(roads),
             speeds_kmh=speeds_kmh,
             stop_speed_kmh=TO_STOP_KMH,
-            vehicle={"car": car, "sets": "own"},
+            vehicle={"car": car, "laden": laden, "sets": "own"},
         )
         found += compared(config, sets_of(controller, axles=True))
     return found

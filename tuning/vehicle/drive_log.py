@@ -19,6 +19,7 @@ from absjax.plant.driven import DrivenCar, ScaledRoad
 from absjax.plant.four_wheel import FourWheel
 from absjax.plant.road import UniformRoad
 from absjax.plant.wheel import Wheel
+from absjax.sideslip.accelerometer import BodyAccelerometer
 from absjax.sideslip.car import Car
 from absjax.tyres.base import Tyre
 from absjax.tyres.exponential_basis import ExponentialBasis
@@ -30,12 +31,14 @@ SETTLE = 1.0
 """Errors count from here on [s]."""
 SUBSTEPS = 2
 """Grid steps a sample."""
+STARTS = (1.4, 0.9, 0.6, 0.4, 0.25, 0.15)
+"""Peak friction among which the fit begins where the misfit is least: one that spins on its way has other minima."""
 STEPS, SHORTEST = 8, 1e-3
 """Of Gauss and Newton, at most, and as short as the last may be."""
-LONGEST = 0.7
+LONGEST = 0.3
 """Longest step, of the logarithm of the scale."""
 YAW_RATE, ACCELERATION = 0.01, 0.3
-"""Errors that weigh alike: rad/s, and m/s^2 of an accelerometer on a body that rolls."""
+"""Errors that weigh alike: rad/s, and m/s^2, the roll of the body taken off."""
 TYRES: dict[str, Tyre] = {
     "Burckhardt, dry": SURFACES["dry_asphalt"],
     "Burckhardt, wet": SURFACES["wet_asphalt"],
@@ -187,24 +190,26 @@ def _fitted(log: VehicleLog, car: Car, variants: list[Variant]) -> list[Drive]:
     cars = stacked([car_on(UniformRoad(TYRES[v.tyre]), car, v) for v in variants])
     driven = DrivenCar(cars, log.period, np.asarray(samples.wheel_speed), np.asarray(samples.steering_angle))
     start = jnp.array([np.mean(samples.wheel_speed[0]) * float(car.radius), samples.yaw_rate[0]])
-    measured = jnp.stack([jnp.asarray(samples.yaw_rate), jnp.asarray(samples.lateral_acceleration)])
+    level = BodyAccelerometer().level(samples)
+    measured = jnp.stack([jnp.asarray(samples.yaw_rate), jnp.asarray(level.lateral_acceleration)])
     settled = round(SETTLE / log.period)
 
     def at(scale):
         motion, cost, wanted = _at(jnp.asarray(scale), driven, start, measured, settled)
         return jax.tree.map(np.asarray, motion), np.asarray(cost), np.asarray(wanted)
 
-    scale = np.zeros(len(variants))
-    motion, cost, step = at(scale)
+    peaks = [float(TYRES[v.tyre].peak().friction) for v in variants]
+    tried = [(np.log(np.divide(peak, peaks)), *at(np.log(np.divide(peak, peaks)))) for peak in STARTS]
+    best = np.argmin([cost for _, _, cost, _ in tried], axis=0)
+    scale, motion, cost, step = jax.tree.map(lambda *x: np.stack(x)[best, np.arange(len(best))], *tried)
     for _ in range(STEPS):
         if np.all(np.abs(step) < SHORTEST):
             break
-        tried, after, wanted = at(scale + step)
+        moved, after, wanted = at(scale + step)
         better = after < cost
         scale, cost = np.where(better, scale + step, scale), np.where(better, after, cost)
-        motion = jax.tree.map(lambda new, old, b=better: np.where(b[:, None], new, old), tried, motion)
+        motion = jax.tree.map(lambda new, old, b=better: np.where(b[:, None], new, old), moved, motion)
         step = np.where(better, wanted, step / 4)
-    peaks = [float(TYRES[v.tyre].peak().friction) for v in variants]
     return [
         Drive(v, peak * float(np.exp(s)), float(c), jax.tree.map(lambda x, i=i: x[i], motion))
         for i, (v, peak, s, c) in enumerate(zip(variants, peaks, scale, cost))

@@ -6,6 +6,7 @@ from typing import Any
 import matplotlib.pyplot as plt
 import numpy as np
 
+from absjax.sideslip.accelerometer import BodyAccelerometer
 from tuning.logs.vehicle_log import VehicleLog
 from tuning.vehicle.drive_log import Drive
 from tuning.vehicle.split_mu import Case
@@ -33,8 +34,8 @@ def drive_figure(log: VehicleLog, found: Drive):
         (
             "lateral acceleration [m/s²]",
             motion.lateral_acceleration,
-            log.samples.lateral_acceleration,
-            "measured",
+            BodyAccelerometer().level(log.samples).lateral_acceleration,
+            "measured, roll taken off",
         ),
         ("speed [m/s]", motion.longitudinal, truth.get("longitudinal_speed"), "real"),
     ]
@@ -62,13 +63,14 @@ def split_mu_figure(cases: Sequence[Case], title: str):
         axes[0, column].plot(case.time, np.degrees(case.yaw_rate), color=colour, lw=1, label=case.row["control"])
         axes[1, column].plot(case.time, np.degrees(case.side_slip), color=colour, lw=1)
         for panel, name in zip(axes[:, 2], ("largest yaw rate [deg/s]", "largest side-slip [deg]")):
-            filled = colour if column == 0 else "none"
-            panel.plot(case.row["distance [m]"], case.row[name], "os"[column], color=colour, mfc=filled, ms=8)
-            panel.set(ylabel=name, yscale="log")
+            if case.row["end"] != "spun":
+                filled = colour if column == 0 else "none"
+                panel.plot(case.row["distance [m]"], case.row[name], "os"[column], color=colour, mfc=filled, ms=8)
+            panel.set(ylabel=name)
     for column, name in enumerate(steering):
         axes[0, column].set(title=f"steering: {name}", ylabel="yaw rate [deg/s]")
         axes[1, column].set(xlabel="time [s]", ylabel="side-slip [deg]")
-    axes[0, 2].set_title(f"circles: {steering[0]}, squares: {steering[-1]}")
+    axes[0, 2].set_title(f"circles: {steering[0]}, squares: {steering[-1]}\ncars that spun left out", fontsize="medium")
     axes[1, 2].set_xlabel("distance [m]")
     for panel in axes.flat:
         panel.grid(alpha=0.3, which="both")

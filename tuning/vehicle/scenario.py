@@ -177,7 +177,7 @@ def figures_of(ride: Ride, axle: int) -> dict[str, Any]:
     return {
         "speed error [%]": round(100 * float(np.mean(_relative(ride.told_speed, ride.speed)[active])), 2),
         "load error [%]": round(100 * float(np.mean(_relative(ride.known_loads[axle], ride.loads[axle])[active])), 2),
-        "XBS error, rms": round(float(np.sqrt(np.mean(error[inside] ** 2))), 3),
+        "XBS error, rms": _finite(np.sqrt(np.mean(error[inside] ** 2))),
         "crossings": len(true),
         "found [%]": round(100 * float(np.mean(apart < NEAR)), 1) if len(true) else None,
         "apart, median [ms]": round(1e3 * float(np.median(apart)), 1) if len(true) else None,
@@ -185,6 +185,11 @@ def figures_of(ride: Ride, axle: int) -> dict[str, Any]:
         "on snow [s]": round(float(settled[1]), 3),
         "on wet [s]": round(float(settled[2]), 3),
     }
+
+
+def _finite(value) -> float | None:
+    """Rounded; None where an observer has diverged."""
+    return round(float(value), 3) if np.isfinite(value) else None
 
 
 def _relative(value, true):

@@ -24,12 +24,15 @@ from absjax.plant.steering import YawDriver
 from absjax.tyres.base import Tyre
 from absjax.tyres.surfaces import SURFACES, surface
 from tuning.core.config import ConfigError
+from tuning.core.files import shipped
 
 STOP_SPEED = 4.0
 """m/s"""
 STEP = 2e-3
 SAVE_EVERY = 5
 """Grid steps between the points among which the largest yaw rate is looked for: 10 ms."""
+SPUN = math.radians(45.0)
+"""Side-slip of a car that has lost its way: its distance is no braking distance."""
 SHARPNESS = 200.0
 """Of the smooth maximum, over the largest value."""
 BRAKE = Brake(rate_limit=750.0, lag=5e-3)
@@ -84,7 +87,7 @@ def split_stop(loop: VehicleLoop, speed: Any, *, horizon: float) -> SplitStop:
     Args:
         horizon: longest time allowed [s].
     """
-    result = stop(loop, speed, horizon=horizon, step=STEP, max_events=1200, save_every=SAVE_EVERY)
+    result = stop(loop, speed, horizon=horizon, step=STEP, max_events=4000, save_every=SAVE_EVERY)
     motion = result.rollout.path.state.vehicle.motion
     yaw = result.rollout.state.vehicle.motion.yaw
     return SplitStop(result.distance, largest(motion.yaw_rate), largest(motion.side_slip), yaw, result)
@@ -113,9 +116,14 @@ def checked(right: str, speed_kmh: float) -> tuple[str, float]:
     return right, speed_kmh
 
 
+def tuned() -> FivePhase:
+    """The shipped five-phase set: untuned thresholds let wheels on little friction lock."""
+    return FivePhase(**shipped("controllers.json")["five_phase"])
+
+
 def study(right: str, speed_kmh: float, controller: Controller | None = None) -> list[Case]:
     """Every wiring with a held steering wheel and with a driver, dry asphalt on the left."""
-    speed, controller = speed_kmh / 3.6, FivePhase() if controller is None else controller
+    speed, controller = speed_kmh / 3.6, tuned() if controller is None else controller
     dry, other = surface("dry_asphalt"), surface(right)
     # The worse side on all wheels takes longest; half as much again is for control that gives friction away.
     horizon = math.ceil(1.5 * speed / (9.81 * float(other.peak().friction)))
@@ -131,6 +139,7 @@ def _case(wiring: str, driver: str, result: SplitStop, lane: int) -> Case:
     path = result.stop.rollout.path
     valid = np.asarray(path.valid[lane])
     motion = path.state.vehicle.motion
+    spun = bool(result.side_slip[lane] > SPUN)
     row = {
         "control": wiring,
         "steering": driver,
@@ -139,7 +148,7 @@ def _case(wiring: str, driver: str, result: SplitStop, lane: int) -> Case:
         "largest side-slip [deg]": float(f"{math.degrees(float(result.side_slip[lane])):.3g}"),
         "yaw at the end [deg]": float(f"{math.degrees(float(result.yaw[lane])):.3g}"),
         "locked above 15 km/h [s]": float(f"{float(result.stop.lock_time[0][lane]):.3g}"),
-        "end": Outcome(int(result.stop.outcome[lane])).message,
+        "end": "spun" if spun else Outcome(int(result.stop.outcome[lane])).message,
     }
     series = (path.time, motion.yaw_rate, motion.side_slip)
     return Case(row, *(np.asarray(x[lane])[valid] for x in series))
