@@ -31,7 +31,7 @@ SETTLE = 1.0
 """Errors count from here on [s]."""
 SUBSTEPS = 2
 """Grid steps a sample."""
-STARTS = (1.4, 0.9, 0.6, 0.4, 0.25, 0.15)
+STARTS = (1.6, 1.2, 0.9, 0.7, 0.55, 0.44, 0.35, 0.28, 0.2, 0.15)
 """Peak friction among which the fit begins where the misfit is least: one that spins on its way has other minima."""
 STEPS, SHORTEST = 8, 1e-3
 """Of Gauss and Newton, at most, and as short as the last may be."""
