@@ -20,7 +20,7 @@ from tuning.core import command as core
 from tuning.core.about import About
 from tuning.core.figures import save
 from tuning.core.page import MOST_ROWS, write_page
-from tuning.core.report import Report, table_name, write_tables
+from tuning.core.report import Report, rows_table, table_name, write_tables
 
 NAME = '<b>Müller & Söhne</b> "<script>alert(1)</script>\x07'
 TOLD = NAME.replace("\x07", "\ufffd")
@@ -119,6 +119,12 @@ def test_numbers_that_are_none_and_long_tables(written):
     assert cells[cells.index("noise") + 1] == "3" and "7" in cells
     assert f"{MOST_ROWS} of {MOST_ROWS + 5} rows; all of them are in tables/errors.csv" in page.said("p")
     assert len((path.parent / "tables" / "errors.csv").read_text().splitlines()) == MOST_ROWS + 6
+
+
+def test_a_table_on_the_terminal_has_dashes_for_what_is_not_there():
+    table = rows_table([{"a_name": "x_y", "b": 1.5}, {"a_name": "z", "b": None}], "title")
+    assert [str(cell) for cell in table.columns[1].cells] == ["1.5", "-"]
+    assert [str(cell) for cell in table.columns[0].cells] == ["x y", "z"]
 
 
 def test_every_table_has_a_file_name():

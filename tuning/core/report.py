@@ -43,8 +43,15 @@ def rows_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
     for key, value in rows[0].items():
         table.add_column(Text(key.replace("_", " ")), justify="left" if isinstance(value, str) else "right")
     for row in rows:
-        table.add_row(*(Text(v.replace("_", " ")) if isinstance(v, str) else f"{v:g}" for v in row.values()))
+        table.add_row(*map(_shown, row.values()))
     return table
+
+
+def _shown(value: Any) -> Text | str:
+    """A value as a cell; a dash for none."""
+    if isinstance(value, str):
+        return Text(value.replace("_", " "))
+    return "-" if value is None else f"{value:g}"
 
 
 def table_name(title: str) -> str:
