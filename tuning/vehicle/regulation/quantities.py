@@ -36,7 +36,8 @@ def time_at(time, speed, level):
     Straight between the points; differentiable by them.
 
     Args:
-        time, speed: (points,), s and m/s.
+        time: (points,), s.
+        speed: (points,), m/s.
         level: m/s.
     """
     below = speed < level
