@@ -109,10 +109,35 @@ class Memory(NamedTuple):
 
     def pressed(self, first, time, position) -> "Memory":
         """After a move of the foot, where it is the `first`: the pedal is touched."""
-        return self._replace(
-            pedal_time=jnp.where(first, time, self.pedal_time),
-            pedal_position=jnp.where(first, position, self.pedal_position),
-        )
+        return _pressed(self, first, time, position)
+
+
+class VehicleMemory(NamedTuple):
+    """The same of a vehicle."""
+
+    pedal_time: jax.Array
+    pedal_position: jax.Array
+    control: tuple[Cycles, ...]
+    """of each channel"""
+    locks: tuple[Locks, ...]
+    """of each wheel"""
+
+    @classmethod
+    def blank(cls, speed, channels: int, wheels: int) -> "VehicleMemory":
+        """Of a manoeuvre that begins at `speed` [m/s]."""
+        zero = 0.0 * speed
+        return cls(zero, zero, (Cycles.blank(speed),) * channels, (Locks.blank(speed),) * wheels)
+
+    def pressed(self, first, time, position) -> "VehicleMemory":
+        """After a move of the foot, where it is the `first`: the pedal is touched."""
+        return _pressed(self, first, time, position)
+
+
+def _pressed(memory, first, time, position):
+    return memory._replace(
+        pedal_time=jnp.where(first, time, memory.pedal_time),
+        pedal_position=jnp.where(first, position, memory.pedal_position),
+    )
 
 
 class Course(NamedTuple):

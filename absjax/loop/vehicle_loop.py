@@ -19,7 +19,7 @@ from absjax.loop._modes import FREE, ON_PEDAL, Mode
 from absjax.loop._vehicle_modes import WIDEST, Layout, VehicleMode, decoded
 from absjax.loop.channel import Channel, ChannelState
 from absjax.loop.driver import NEVER, OFF, PRESSING, Driver, Pedal
-from absjax.loop.memory import Course, Cycles, Locks, Memory
+from absjax.loop.memory import Course, Locks, Memory, VehicleMemory
 from absjax.observers.base import Observer
 from absjax.parameters import model, parameter, part
 from absjax.plant.base import Actuator
@@ -29,19 +29,6 @@ from absjax.signals import Signals
 
 SELECTION = 0.02
 """By how much the other wheel has to turn slower before a channel goes by it, rad/s: on one road both turn alike."""
-
-
-class VehicleMemory(NamedTuple):
-    """What a manoeuvre remembers of its course; scalars per lane."""
-
-    pedal_time: jax.Array
-    """when the foot first pressed, s"""
-    pedal_position: jax.Array
-    """distance travelled until then, m"""
-    control: tuple[Cycles, ...]
-    """of each channel"""
-    locks: tuple[Locks, ...]
-    """of each wheel"""
 
 
 class VehicleLoopState(NamedTuple):
@@ -136,12 +123,7 @@ class VehicleLoop:
     def initial_state(self, speed) -> VehicleLoopState:
         """State of free rolling at `speed` [m/s] with the brakes released."""
         zero = 0.0 * speed
-        blank = VehicleMemory(
-            zero,
-            zero,
-            tuple(Cycles.blank(speed) for _ in self.channels),
-            tuple(Locks.blank(speed) for _ in self.vehicle.places),
-        )
+        blank = VehicleMemory.blank(speed, len(self.channels), len(self.vehicle.places))
         brakes = tuple(ChannelState(channel.brake.initial_state(zero), None, ()) for channel in self.channels)
         state = VehicleLoopState(self.vehicle.initial_state(speed), brakes, self.driver.initial_state(speed), blank)
         return self.with_controllers(zero, state, 0)
@@ -381,11 +363,7 @@ class VehicleLoop:
         """State and mode after the foot has moved, or the pedal has arrived where it rests."""
         pedal, does = self.driver.move(time, state.pedal, parts.foot)
         first = (does == PRESSING) & (state.pedal.moves == 0)
-        memory, position = state.memory, self.vehicle.position(time, state.vehicle)
-        memory = memory._replace(
-            pedal_time=jnp.where(first, time, memory.pedal_time),
-            pedal_position=jnp.where(first, position, memory.pedal_position),
-        )
+        memory = state.memory.pressed(first, time, self.vehicle.position(time, state.vehicle))
         moved, following = state._replace(pedal=pedal, memory=memory), parts._replace(foot=does)
         if not self.driver.changes:
             return moved, following
