@@ -59,7 +59,9 @@ class SampledVehicle:
         "what is measured at each wheel instead of the truth; none: no error", default=()
     )
     speed: SpeedEstimator | None = part("estimates the vehicle's speed; None tells the true one", default=None)
-    accelerometer: Any = part("tells the vehicle's acceleration; None without error", default=None)
+    accelerometer: Any = part(
+        "tells the body's acceleration along it, and nothing across it; None tells both without error", default=None
+    )
     tick_every: int = 1
     substeps: int = 1
 
@@ -94,35 +96,37 @@ class SampledVehicle:
         if self.sensors:
             measured, sensors = zip(*(s.begin(signals) for s, signals in zip(self.sensors, measured)))
         estimator = None if self.speed is None else self.speed.initial_state(speed)
-        measured = self._with_speed(measured, estimator)
+        accelerations = self._told_accelerations(zero, state)
+        measured, accelerations = self._with_speed(measured, accelerations, estimator)
         told = self.loop.told(measured, state, parts)
-        rates = self.loop.commands(self.loop.fitted_to_load(measured, parts), told, state, parts)
+        rates = self.loop.commands(self.loop.fitted_to_load(accelerations, parts), told, state, parts)
         unit = Unit(zero, tuple(map(Sample.of, told)), tuple(sensors), estimator)
         return SampledVehicleState(state, rates, unit)
 
-    def _with_speed(self, measured: tuple[Signals, ...], estimator) -> tuple[Signals, ...]:
-        """The signals with the estimated speed and the acceleration as the unit knows it, where it estimates."""
+    def _told_accelerations(self, time, state: VehicleLoopState):
+        """ax and ay of the body as the unit is told them [m/s^2]."""
+        along, across = self.loop.accelerations(time, state)
+        if self.accelerometer is None:
+            return along, across
+        return self.accelerometer.measure(along, time), 0.0 * across
+
+    def _with_speed(self, measured: tuple[Signals, ...], accelerations, estimator):
+        """The signals with the estimated speed and the acceleration as the unit knows it, where it estimates, and the
+        accelerations."""
         if self.speed is None and self.accelerometer is None:
-            return measured
+            return measured, accelerations
+        acceleration, across = accelerations
+        if self.speed is not None:
+            acceleration = self.speed.acceleration_of(estimator, acceleration)
         changed = []
         for signals in measured:
-            acceleration = self._acceleration(signals)
-            speed = signals.vehicle_speed
-            if self.speed is not None:
-                speed = self.speed.speed_of(estimator)
-                acceleration = self.speed.acceleration_of(estimator, acceleration)
+            speed = signals.vehicle_speed if self.speed is None else self.speed.speed_of(estimator)
             # x2 = R w' - v' with the v' that is told.
             offset = signals.acceleration_offset + signals.vehicle_acceleration - acceleration
             changed.append(
                 signals._replace(vehicle_speed=speed, vehicle_acceleration=acceleration, acceleration_offset=offset)
             )
-        return tuple(changed)
-
-    def _acceleration(self, signals: Signals):
-        """The vehicle's acceleration as its accelerometer tells it [m/s^2]."""
-        if self.accelerometer is None:
-            return signals.vehicle_acceleration
-        return self.accelerometer.measure(signals.vehicle_acceleration, signals.time)
+        return tuple(changed), (acceleration, across)
 
     def importance(self, time, state: SampledVehicleState, mode):
         """That of the loop."""
@@ -160,13 +164,13 @@ class SampledVehicle:
         if self.sensors:
             pairs = (s.measure(signals, own) for s, signals, own in zip(self.sensors, measured, unit.sensors))
             measured, sensors = zip(*pairs)
-        estimator = unit.speed
+        estimator, accelerations = unit.speed, self._told_accelerations(time, loop)
         if self.speed is not None:
             rims = tuple(signals.radius * signals.wheel_speed for signals in measured)
-            estimator = self.speed.update(estimator, self._acceleration(measured[0]), rims, period)
-        measured = self._with_speed(measured, estimator)
+            estimator = self.speed.update(estimator, accelerations[0], rims, period)
+        measured, accelerations = self._with_speed(measured, accelerations, estimator)
         samples = tuple(map(Sample.of, self.loop.of_channels(measured, parts)))
-        channels = self.loop.fitted_to_load(measured, parts)
+        channels = self.loop.fitted_to_load(accelerations, parts)
         observed = tuple(
             own
             if channel.observer is None
@@ -176,7 +180,7 @@ class SampledVehicle:
         loop = loop._replace(channels=observed)
         told = self.loop.told(measured, loop, parts)
         opened = [first_open(guards) for guards in self.loop.controller_guards(channels, told, loop, parts)]
-        loop, parts = self.loop.switch(told, loop, parts, *zip(*opened))
+        loop, parts = self.loop.switch(channels, told, loop, parts, *zip(*opened))
         rates = self.loop.commands(channels, told, loop, parts)
         unit = Unit(time, samples, tuple(sensors), estimator)
         return SampledVehicleState(loop, rates, unit), self.loop.mode(parts)

@@ -184,11 +184,15 @@ class VehicleLoop:
         signals = self.of_channels(measured, parts)
         return tuple(c.with_estimate(m, own) for c, m, own in zip(self.channels, signals, state.channels))
 
-    def fitted_to_load(self, measured: tuple[Signals, ...], parts: VehicleMode) -> tuple[Channel, ...]:
-        """The channels, where they follow the load with a = R^2 Fz / J of the wheel they go by."""
+    def accelerations(self, time, state: VehicleLoopState):
+        """ax and ay, what accelerometers without error tell of the body [m/s^2]."""
+        return self.vehicle.accelerations(time, state.vehicle, self.free(time, state))
+
+    def fitted_to_load(self, accelerations, parts: VehicleMode) -> tuple[Channel, ...]:
+        """The channels, where they follow the load, that (ax, ay) make, with a = R^2 Fz / J of the wheel they go by."""
         if not self.follows_load:
             return self.channels
-        loads = self.vehicle.known_loads(measured[0].vehicle_acceleration, 0.0)
+        loads = self.vehicle.known_loads(*accelerations)
         shares = [load / wheel.load for load, wheel in zip(loads, self.vehicle.wheels)]
         return tuple(
             channel.at_load(shares[wheels[0]] if len(wheels) == 1 else pick(chosen, [shares[i] for i in wheels]))
@@ -241,7 +245,8 @@ class VehicleLoop:
         """d(state)/dt."""
         parts, slope = self.parts(mode), self.free(time, state)
         measured = self._measured(time, state, slope, parts)
-        told, channels = self.told(measured, state, parts), self.fitted_to_load(measured, parts)
+        told = self.told(measured, state, parts)
+        channels = self.fitted_to_load(self.vehicle.accelerations(time, state.vehicle, slope), parts)
         driven = self.driven(state, parts, slope, self.commands(channels, told, state, parts))
         return self._observers(channels, told, state, driven)
 
@@ -281,21 +286,23 @@ class VehicleLoop:
         """The controllers' slots, channel by channel, then the limits."""
         parts, slope = self.parts(mode), self.free(time, state)
         measured = self._measured(time, state, slope, parts)
-        told, channels = self.told(measured, state, parts), self.fitted_to_load(measured, parts)
+        told = self.told(measured, state, parts)
+        channels = self.fitted_to_load(self.vehicle.accelerations(time, state.vehicle, slope), parts)
         own = self.controller_guards(channels, told, state, parts)
         rates = self.commands(channels, told, state, parts)
         return tuple(g for guards in own for g in guards) + self.limits(time, state, parts, slope, rates)
 
     def jump(self, time, state: VehicleLoopState, mode, slot):
         """A controller switches, or one of the limits is met."""
-        parts = self.parts(mode)
-        told = self.told(self._measured(time, state, self.free(time, state), parts), state, parts)
+        parts, slope = self.parts(mode), self.free(time, state)
+        told = self.told(self._measured(time, state, slope, parts), state, parts)
+        channels = self.fitted_to_load(self.vehicle.accelerations(time, state.vehicle, slope), parts)
         first = 0
         switched = []
         for channel in self.channels:
             switched.append((slot >= first) & (slot < first + channel.controller.slots))
             first += channel.controller.slots
-        after, following = self.switch(told, state, parts, switched, self._own_slots(slot))
+        after, following = self.switch(channels, told, state, parts, switched, self._own_slots(slot))
         limited, other = self.meet_limit(time, state, parts, slot - first)
         own = slot < first
         return tree_where(own, after, limited), jnp.where(own, self.mode(following), self.mode(other))
@@ -308,13 +315,13 @@ class VehicleLoop:
             first += channel.controller.slots
         return own
 
-    def switch(self, told: tuple[Signals, ...], state: VehicleLoopState, parts: VehicleMode, fires, slots):
+    def switch(self, channels, told: tuple[Signals, ...], state: VehicleLoopState, parts: VehicleMode, fires, slots):
         """State and mode after the guards `slots` of the channels that `fires` names have fired on what is `told`."""
         time = told[0].time
         speed, position = self.vehicle.speed_of(time, state.vehicle), self.vehicle.position(time, state.vehicle)
         owns, phases, pressures, memories = [], [], [], []
         everything = zip(
-            self.channels, told, state.channels, parts.phases, parts.pressures, state.memory.control, fires, slots
+            channels, told, state.channels, parts.phases, parts.pressures, state.memory.control, fires, slots
         )
         for channel, signals, own, phase, pressure, memory, fired, slot in everything:
             after, following, cycles = channel.switch(signals, own, phase, slot)

@@ -286,6 +286,12 @@ class FourWheel:
         """The state with other w [rad/s]."""
         return state._replace(wheel_speeds=tuple(wheel_speeds))
 
+    def accelerations(self, time, state: FourWheelState, slope: FourWheelState):
+        """ax = vx' - r vy, ay = vy' + r vx [m/s^2]."""
+        motion, change = state.motion, slope.motion
+        along = change.longitudinal - motion.yaw_rate * motion.lateral
+        return along, change.lateral + motion.yaw_rate * motion.longitudinal
+
     def signals(self, time, state: FourWheelState, slope: FourWheelState, pressures) -> tuple[Signals, ...]:
         """Signals of the true state at each wheel."""
 

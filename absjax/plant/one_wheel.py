@@ -3,6 +3,7 @@
 from typing import Any, ClassVar
 
 import jax
+import jax.numpy as jnp
 
 from absjax.parameters import model, part
 from absjax.plant.base import Plant
@@ -59,6 +60,11 @@ class OneWheel:
     def with_wheel_speeds(self, state, wheel_speeds):
         """The state with another w [rad/s]."""
         return self.plant.with_wheel_speed(state, wheel_speeds[0])
+
+    def accelerations(self, time, state, slope):
+        """v', and nothing across [m/s^2]."""
+        along = jax.jvp(self.plant.speed_of, (time, state), (jnp.ones_like(time), slope))[1]
+        return along, 0.0 * along
 
     def signals(self, time, state, slope, pressures):
         """Signals of the true state."""

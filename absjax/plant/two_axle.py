@@ -208,6 +208,10 @@ class TwoAxle:
         """The state with other w [rad/s]."""
         return state._replace(wheel_speeds=tuple(wheel_speeds))
 
+    def accelerations(self, time, state: TwoAxleState, slope: TwoAxleState):
+        """v', and nothing across [m/s^2]."""
+        return slope.speed, 0.0 * slope.speed
+
     def signals(self, time, state: TwoAxleState, slope: TwoAxleState, pressures) -> tuple[Signals, ...]:
         """Signals of the true state at each axle."""
         parts = zip(self.axles, self.roads, state.wheel_speeds, slope.wheel_speeds, self.slips(state), pressures)

@@ -62,6 +62,10 @@ class Vehicle(Protocol):
         """The state with other w [rad/s]; a d(state)/dt with other w'."""
         ...
 
+    def accelerations(self, time: Any, state: Any, slope: Any) -> tuple[Any, Any]:
+        """What accelerometers on the body tell, of a state and its d(state)/dt [m/s^2]: along it and across it."""
+        ...
+
     def signals(self, time: Any, state: Any, slope: Any, pressures: tuple[Any, ...]) -> tuple[Signals, ...]:
         """What sensors without error see at each wheel, of a state and its d(state)/dt.
 

@@ -251,6 +251,20 @@ def test_loads_add_up_and_a_wheel_that_lifts_gives_finite_numbers():
     assert np.all(np.asarray(loads)[np.asarray(lifted)] == 0)
 
 
+def test_accelerometers_of_the_body_tell_the_loads():
+    """vx' - r vy and vy' + r vx, not what happens over one wheel."""
+    vehicle = car(DRY, SNOW)
+
+    def numbers(state):
+        accelerations = vehicle.accelerations(0.1, state, vehicle.flow(0.1, state, PRESSURE))
+        known, lifted = vehicle.known_loads(*accelerations), vehicle.lifted(0.1, state)
+        return jnp.stack(known), jnp.stack(vehicle.loads(0.1, state)), jnp.stack(lifted).any()
+
+    known, loads, lifted = map(np.asarray, jax.vmap(numbers)(states(vehicle)))
+    assert (~lifted).sum() > 100 and np.ptp(loads, axis=0).min() > 1000
+    np.testing.assert_allclose(known[~lifted], loads[~lifted], rtol=1e-10)
+
+
 def test_a_driver_holds_a_car_that_braking_turns():
     """More friction on the left turns the car to the left."""
     drivers = YawDriver(0.0, 0.0), YawDriver(yaw_gain=0.6, lag=0.05)
