@@ -55,6 +55,45 @@ def test_splits_are_drawn_apart_and_again_the_same():
     assert np.all(training.ideal > 0)
 
 
+CAR = TuningConfig.from_json(
+    {
+        "controller": "slip",
+        "setting": "sampled",
+        "vehicle": {"car": "small", "speed": "kalman"},
+        "roads": ["wet_asphalt"],
+        "speeds_kmh": [40.0],
+        "stop_speed_kmh": 20.0,
+        "draws": 16,
+        "checked": 2,
+        "start": {"slip": -0.4},
+        "tune": ["slip"],
+        "smoothing": 0.05,
+        "sampled_period": 2e-3,
+        "conditions": {"noise": 0.3},
+    }
+)
+
+
+def test_of_a_vehicle_every_wheel_is_another_and_the_fitted_slope_descends():
+    problem = running_problem(CAR)
+    batch = problem.judged
+    loop = batch.loop
+    for name in ("radius", "brake_efficiency"):
+        front, rear = (np.asarray(getattr(axle, name)) for axle in loop.vehicle.axles)
+        assert front.shape == (16,) and np.ptp(front) > 0 and np.ptp(front / rear) > 0
+    assert np.ptp(loop.vehicle.mass) > 0 and np.ptp(loop.vehicle.height) > 0
+    assert loop.channels[0].controller.wheel.radius == 0.285
+    bias = np.asarray(batch.accelerometer.bias)
+    assert abs(bias.mean()) < 0.4 and 0.2 < bias.std() < 0.9
+    assert len(set(np.concatenate([np.asarray(sensor.seed) for sensor in batch.sensor]))) == 32
+    few = batch.of(np.array([3, 5]))
+    assert few.accelerometer.bias[0] == bias[3] and few.loop.channels[1].brake.lag[1] == loop.channels[1].brake.lag[5]
+    start = problem.given
+    _, slope = problem.costs_and_gradients(start, None)
+    before, after = problem.judge(np.concatenate([start, start - 0.1 * np.sign(slope)]))
+    assert np.asarray(slope).shape == (1, 1) and after < before < 2
+
+
 def test_what_cannot_be_scattered_is_refused():
     changing = {"surfaces": ["dry_asphalt", "snow"], "changes": [5.0]}
     with pytest.raises(ConfigError, match="not scattered"):

@@ -16,10 +16,9 @@ from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, Stop, stop
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.parameters import model, parameter, part
-from absjax.sensors.base import Sensor
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
-from tuning.controllers.loops import Loop, carried, in_control_unit, loop_of_lanes, shortest
+from tuning.controllers.loops import Loop, Sensors, carried, in_control_unit, loop_of_lanes, shortest
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.controllers.stop_figures import StopFigures
@@ -61,7 +60,7 @@ class Batch:
     speed: Any = parameter("initial speeds, m/s, shape (rows,)", ndim=1)
     ideal: Any = parameter("ideal distances from the pedal, m, shape (rows,)", ndim=1)
     published: Any = parameter("published distances, m, shape (rows,); 0 where the ideal is the reference", ndim=1)
-    sensor: Sensor | None = part("what a sampled control unit measures with", default=None)
+    sensor: Sensors = part("what a sampled control unit measures with, one for all wheels or each", default=None)
     estimator: SpeedEstimator | None = part(
         "of the vehicle's speed in a sampled unit; None: the true one", default=None
     )
@@ -84,8 +83,8 @@ class Batch:
     def of(self, members: Any) -> "Batch":
         """Some of the rows, (members,); traceable."""
         rows = {name: jnp.take(getattr(self, name), members) for name in ("speed", "ideal", "published")}
-        sensor = taken(self.sensor, members)
-        return dataclasses.replace(self, loop=carried(self.loop, partial(taken, index=members)), sensor=sensor, **rows)
+        parts = {name: taken(getattr(self, name), members) for name in ("sensor", "accelerometer")}
+        return dataclasses.replace(self, loop=carried(self.loop, partial(taken, index=members)), **parts, **rows)
 
     def stops(self, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
         """Stops of every set on every row, lanes (rows * sets,); parameters are arrays (sets,).
@@ -99,8 +98,9 @@ class Batch:
     ) -> Stop:
         """The same of parameters (rows * sets,), each lane's own; `kind` of the loop with ticks."""
         loop = loop_of_lanes(self.loop, own, self.rows)
-        sensor = repeated(self.sensor, len(next(iter(own.values()))) // self.rows)
-        how = ticks, self.substeps, ticks * (step or self.step), sensor, self.estimator, self.accelerometer, self.delay
+        sets = len(next(iter(own.values()))) // self.rows
+        sensor, accelerometer = (repeated(part, sets) for part in (self.sensor, self.accelerometer))
+        how = ticks, self.substeps, ticks * (step or self.step), sensor, self.estimator, accelerometer, self.delay
         system = in_control_unit(loop, *how, kind=kind) if ticks else loop
         return stop(system, **self._how(own, step))
 

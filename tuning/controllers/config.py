@@ -38,11 +38,18 @@ FASTEST_KMH = 500.0
 
 
 class Scatter(NamedTuple):
-    """How much is scattered: standard deviations of the logarithm, but for the last two."""
+    """How much is scattered: standard deviations of the logarithm, but for the last two.
+
+    Of a vehicle each wheel has its own radius and brake efficiency, and the load is that of the vehicle.
+    """
 
     curve: float = 0.1
     """of each coefficient of the tyre curve"""
     load: float = 0.1
+    height: float = 0.05
+    """of a vehicle's centre of gravity"""
+    to_front: float = 0.03
+    """the distance from it to the front axle"""
     radius: float = 0.01
     brake_efficiency: float = 0.1
     lag: float = 0.3
@@ -192,7 +199,6 @@ class TuningConfig(SearchConfig):
             choice("conditions", name, Scatter._fields)
             require(f"conditions.{name}", value, 0 <= value <= 1 or name == "noise", "between 0 and 1")
         if self.setting != "located":
-            require("vehicle", "given", self.vehicle is None, "null: of a vehicle only 'located' is descended on")
             require(
                 "reference", self.reference, self.reference == "ideal", "'ideal' for a setting other than 'located'"
             )

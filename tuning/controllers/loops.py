@@ -18,14 +18,17 @@ from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
 from tuning.cars.entry import of_axle
 
+Sensors = Sensor | tuple[Sensor, ...] | None
 Loop = TypeVar("Loop", bound=ClosedLoop | VehicleLoop)
 CARRIERS = "plant", "vehicle", "brake", "driver"
-"""Parts of a loop that carry the rows, those it has."""
+"""Parts of a loop that carry the rows, those it has; of a vehicle's loop the brakes of its channels do as well."""
 
 
 def carried(loop: Loop, change: Callable[[Any], Any]) -> Loop:
     """A loop whose parts that carry the rows are changed."""
     parts = {name: change(getattr(loop, name)) for name in CARRIERS if hasattr(loop, name)}
+    if isinstance(loop, VehicleLoop):
+        parts["channels"] = tuple(dataclasses.replace(c, brake=change(c.brake)) for c in loop.channels)
     return dataclasses.replace(loop, **parts)
 
 
@@ -56,7 +59,7 @@ def in_control_unit(
     ticks: int,
     substeps: int,
     period: float,
-    sensor: Sensor | None = None,
+    sensor: Sensors = None,
     estimator: SpeedEstimator | None = None,
     accelerometer: Accelerometer | None = None,
     delay: float | None = None,
@@ -65,6 +68,7 @@ def in_control_unit(
     """A loop in a control unit that tests its guards every so many grid steps; a vehicle has the sensor at each wheel.
 
     Args:
+        sensor: what is measured with; of a vehicle one for all wheels, or one for each.
         substeps: Runge-Kutta steps of an observer per sample.
         period: between two tests [s].
         estimator: of the speed of a vehicle.
@@ -73,10 +77,13 @@ def in_control_unit(
         kind: of the loop of one wheel without such a delay.
     """
     if isinstance(loop, ClosedLoop):
+        assert not isinstance(sensor, tuple)
         if kind is not SampledLoop:
             return kind(loop, sensor, tick_every=ticks, substeps=substeps)
         return in_unit(loop, sensor, delay, period, tick_every=ticks, substeps=substeps)
-    sensors = () if sensor is None else (sensor,) * len(loop.vehicle.places)
+    sensors = () if sensor is None else sensor
+    if not isinstance(sensors, tuple):
+        sensors = (sensors,) * len(loop.vehicle.places)
     return SampledVehicle(loop, sensors, estimator, accelerometer, ticks, substeps)
 
 

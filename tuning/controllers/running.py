@@ -1,9 +1,10 @@
 """The tuning of a controller for where it runs: in a control unit, told by its sensors, in scattered conditions.
 
-Descended on is the loop whose switchings move with their crossings (`absjax.loop.ticking_loop`), behind a stand-in of
-an encoder's chain, over pairs of points (`tuning.core.slope`); judged is the sampled loop itself, behind the chain.
-What must not be, long locks above 15 km/h, long cycles, stops without end, is no price: a set that breaks a limit
-in any condition it is judged in is worse than every set that keeps them all.
+Descended on is the loop of one wheel whose switchings move with their crossings (`absjax.loop.ticking_loop`), behind a
+stand-in of an encoder's chain, over pairs of points (`tuning.core.slope`); of a vehicle the slope is all fitted over
+them. Judged is the sampled loop itself, behind the chain. What must not be, long locks above 15 km/h, long cycles,
+stops without end, is no price: a set that breaks a limit in any condition it is judged in is worse than every set that
+keeps them all.
 """
 
 import dataclasses
@@ -15,6 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from absjax.loop.ticking_loop import TickingLoop
+from absjax.loop.vehicle_loop import VehicleLoop
 from tuning.controllers.batch import Batch, batch_of, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import exact_charges
@@ -102,8 +104,11 @@ def _costs_and_slopes(batch: Batch, points, members, apart, box: Box, objective:
         stops = batch.stops_of_lanes(box.values(x), *grid, kind=TickingLoop)
         return batch.ratios(stops) + STRICTNESS * batch.charges(stops)
 
-    losses, pull = jax.vjp(losses_of, lanes)
-    own = bounded(pull(jnp.ones_like(losses))[0]).reshape(batch.rows, sets, 2, size)
+    if isinstance(batch.loop, VehicleLoop):
+        losses, own = losses_of(lanes), jnp.zeros((batch.rows, sets, 2, size), points.dtype)
+    else:
+        losses, pull = jax.vjp(losses_of, lanes)
+        own = bounded(pull(jnp.ones_like(losses))[0]).reshape(batch.rows, sets, 2, size)
     losses = losses.reshape(batch.rows, sets, 2)
     costs, weigh = jax.vjp(lambda x: objective.costs(x, smooth=True), losses.mean(axis=2))
     weights = weigh(jnp.ones_like(costs))[0]

@@ -2,11 +2,13 @@
 
 Every row of road, speed and pedal is drawn so many times: the coefficients of its tyre curve, load, radius, brake
 efficiency, lag, pedal and speed vary, and so do the phase of the control unit's clock, and the noise or the encoder of
-what it measures with. The controller knows the nominal wheel. What is tuned on, what chooses between candidates and
+what it measures with. Of a vehicle it is load and centre of gravity that vary, and radius and brake of each wheel.
+The controller knows the nominal wheel. What is tuned on, what chooses between candidates and
 what is reported in the end are drawn apart.
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, Literal
 
 import jax
@@ -14,16 +16,19 @@ import numpy as np
 
 from absjax.encoder.edges import capacity_for
 from absjax.encoder.encoder import Encoder
-from absjax.loop.ideal import ideal_distance
+from absjax.loop.closed_loop import ClosedLoop
 from absjax.plant.brake import Brake
 from absjax.plant.road import UniformRoad
-from absjax.plant.wheel import GRAVITY
+from absjax.plant.two_axle import TwoAxle
+from absjax.plant.wheel import GRAVITY, Wheel
 from absjax.sensors.base import Sensor
 from absjax.sensors.delayed import DelayedSensor
 from absjax.sensors.encoder import EncoderSensor
 from absjax.sensors.noisy import NoisySensor
+from absjax.speed.accelerometer import Accelerometer
 from tuning.controllers.batch import SAFETY_HORIZON, Batch
 from tuning.controllers.config import Scatter, TuningConfig
+from tuning.controllers.loops import Sensors, shortest
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.core.config import ConfigError
@@ -32,6 +37,8 @@ from tuning.encoder.chains import edge_chain, measured_chain
 
 Split = Literal["training", "validation", "test"]
 LARGEST_SEED = 2**31
+APART = 7919
+"""Between the seeds of the wheels of a vehicle."""
 SPLITS: tuple[Split, ...] = ("training", "validation", "test")
 ROLLING = 2000
 """Samples of free rolling before the pedal: by then the harmonics of the encoder are learned."""
@@ -65,12 +72,7 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     if not isinstance(road, UniformRoad):
         raise ConfigError("roads: those that change along the way are not scattered; setting = 'located' has them")
     tyre = jax.tree.map(lambda c: around(c, scatter.curve), road.tyre)
-    wheel = dataclasses.replace(
-        setup.wheel,
-        load=around(setup.wheel.load, scatter.load),
-        radius=around(setup.wheel.radius, scatter.radius),
-        brake_efficiency=around(setup.wheel.brake_efficiency, scatter.brake_efficiency),
-    )
+    loop = _with_car(setup.loop_of(None, UniformRoad(tyre)), around, scatter)
     lag = None if setup.brake.lag is None else around(setup.brake.lag, scatter.lag)
     speed = around([row.speed for row in lanes], scatter.speed)
     phase = rng.uniform(size=count) * config.sampled_period
@@ -79,11 +81,7 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
         rate=around([row.pedal_rate for row in lanes], scatter.pedal),
         delay=np.asarray(setup.driver.delay) + phase,
     )
-    loop = setup.loop(setup.controller(), UniformRoad(tyre))
-    nominal: Any = loop.plant
-    plant = dataclasses.replace(nominal, wheel=wheel)
-    brake = Brake(setup.brake.rate_limit, lag, setup.brake.delay)
-    loop = dataclasses.replace(loop, plant=plant, brake=brake, driver=driver)
+    loop = _with_brake(dataclasses.replace(loop, driver=driver), Brake(setup.brake.rate_limit, lag, setup.brake.delay))
     slowest = max(v / (GRAVITY * float(m)) for v, m in zip(speed, np.asarray(tyre.peak().friction)))
     horizon = SAFETY_HORIZON * slowest + 1.0
     seeds = rng.integers(LARGEST_SEED, size=count)
@@ -91,9 +89,11 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     return Batch(
         loop=loop,
         speed=speed,
-        ideal=np.asarray(ideal_distance(dataclasses.replace(loop, observer=None), speed, horizon=horizon)),
+        ideal=np.asarray(shortest(loop, speed, horizon)),
         published=np.zeros(count),
-        sensor=_sensor(config, setup, seeds, noise, scatter, stand_in),
+        sensor=_sensors(setup, seeds, noise, scatter, stand_in),
+        estimator=None if config.vehicle is None else config.vehicle.estimator(),
+        accelerometer=_accelerometer(config, seeds, rng),
         longest_cycle=config.longest_cycle,
         longest_lock=config.longest_lock,
         horizon=horizon,
@@ -103,7 +103,50 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     )
 
 
-def _sensor(config: TuningConfig, setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensor | None:
+def _with_car(loop: Any, around: Callable[[Any, float], Any], scatter: Scatter) -> Any:
+    """The loop with another plant or vehicle in every lane."""
+
+    def scattered_wheel(wheel: Wheel, **fields: Any) -> Wheel:
+        radius = around(wheel.radius, scatter.radius)
+        efficiency = around(wheel.brake_efficiency, scatter.brake_efficiency)
+        return dataclasses.replace(wheel, radius=radius, brake_efficiency=efficiency, **fields)
+
+    if isinstance(loop, ClosedLoop):
+        plant: Any = loop.plant
+        load = around(plant.wheel.load, scatter.load)
+        wheel = scattered_wheel(plant.wheel, load=load)
+        return dataclasses.replace(loop, plant=dataclasses.replace(plant, wheel=wheel))
+    car = loop.vehicle
+    wheels = "axles" if isinstance(car, TwoAxle) else "corners"
+    changed = {wheels: tuple(map(scattered_wheel, getattr(car, wheels)))}
+    changed |= {name: around(getattr(car, name), getattr(scatter, name)) for name in ("height", "to_front")}
+    return dataclasses.replace(loop, vehicle=dataclasses.replace(car, mass=around(car.mass, scatter.load), **changed))
+
+
+def _with_brake(loop: Any, brake: Brake) -> Any:
+    if isinstance(loop, ClosedLoop):
+        return dataclasses.replace(loop, brake=brake)
+    return dataclasses.replace(loop, channels=tuple(dataclasses.replace(c, brake=brake) for c in loop.channels))
+
+
+def _accelerometer(config: TuningConfig, seeds, rng: np.random.Generator) -> Accelerometer | None:
+    """That of a vehicle that estimates its speed: of another bias in every lane."""
+    own = None if config.vehicle is None else config.vehicle.accelerometer()
+    if own is None:
+        return None
+    return dataclasses.replace(own, bias=own.bias * rng.normal(size=len(seeds)), seed=seeds)
+
+
+def _sensors(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensors:
+    """What is measured with: of a vehicle at each wheel, of its own seed."""
+    if setup.config.vehicle is None or setup.sensor is not None:
+        return _sensor(setup, seeds, noise, scatter, stand_in)
+    own = ((seeds + APART * wheel) % LARGEST_SEED for wheel in range(setup.config.vehicle.wheels))
+    return tuple(sensor for s in own if (sensor := _sensor(setup, s, noise, scatter, stand_in)) is not None)
+
+
+def _sensor(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensor | None:
+    config = setup.config
     if setup.sensor is not None:
         return setup.sensor
     if config.setting != "chain":
