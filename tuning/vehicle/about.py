@@ -38,6 +38,10 @@ SPLIT_MU = About(
     {
         "split mu": "From the pedal to the stop speed; yaw rate and side-slip are the largest on the way.",
         "split_mu.png": "Yaw rate and side-slip over time, and what distance is paid for less of them.",
+        "thresholds tuned": "Under each limit of the yaw rate, a driver steering: the best set found by gradient, as "
+        "it was tuned, in a control unit that ticks every millisecond, and from a speed it was not tuned at.",
+        "trade_off.png": "Distance over the largest yaw rate: of tuned sets, of the same sampled and from the other "
+        "speed, and of the shipped set.",
     },
 )
 REGULATION = About(

@@ -46,6 +46,7 @@ def split_mu(
     out: Out,
     right: Annotated[str, typer.Option(help="Surface under the right wheels; dry asphalt is on the left.")] = "snow",
     speed: Annotated[float, typer.Option(help="km/h")] = 100.0,
+    tune: Annotated[bool, typer.Option("--tune", help="Tune thresholds under limits of the yaw rate.")] = False,
     force: Force = False,
 ) -> None:
     """Braking on split mu: independent control, select-low behind, on both axles; held steering wheel and a driver."""
@@ -55,6 +56,6 @@ def split_mu(
         from tuning.vehicle.split_mu import checked
 
         wanted = checked(right, speed)
-        return (), lambda: tasks.split_mu(*wanted, out)
+        return (), lambda: tasks.split_mu(*wanted, out, tune=tune)
 
     carry_out(out, work, about=SPLIT_MU, force=force)

@@ -10,7 +10,9 @@ from absjax.sideslip.accelerometer import BodyAccelerometer
 from tuning.logs.vehicle_log import VehicleLog
 from tuning.vehicle.drive_log import Drive
 from tuning.vehicle.split_mu import Case
+from tuning.vehicle.trade_off import WHERES, Traded
 
+TRADE = ("largest yaw rate", "deg/s"), ("distance", "m")
 REAL, DRIVEN = {"color": "k", "ls": "--", "lw": 1.0}, {"color": "C0", "lw": 1.0}
 
 
@@ -76,5 +78,27 @@ def split_mu_figure(cases: Sequence[Case], title: str):
         panel.grid(alpha=0.3, which="both")
     axes[0, 0].legend(fontsize="small")
     figure.suptitle(title)
+    figure.tight_layout()
+    return figure
+
+
+def trade_off_figure(traded: Sequence[Traded], cases: Sequence[Case], title: str):
+    """Distance over the largest yaw rate: tuned sets, sampled, from another speed; and the set they start from."""
+    figure, axes = plt.subplots(1, 2, figsize=(12, 5))
+    for i, wiring in enumerate(dict.fromkeys(one.wiring for one in traded)):
+        rows = sorted((one.row for one in traded if one.wiring == wiring), key=lambda row: row["limit [deg/s]"])
+        for panel, wheres in zip(axes, (WHERES[:2], WHERES[2:])):
+            for where, style in zip(wheres, ("o-", "s:")):
+                found = [[row[f"{what}{where} [{unit}]"] for row in rows] for what, unit in TRADE]
+                panel.plot(*found, style, color=f"C{i}", ms=6, label=f"{wiring}, tuned{where}")
+        for case in cases:
+            if case.row["control"] == wiring and case.row["steering"] != "held" and case.row["end"] != "spun":
+                at = case.row["largest yaw rate [deg/s]"], case.row["distance [m]"]
+                axes[0].plot(*at, "*", color=f"C{i}", ms=14, mec="k", label=f"{wiring}, shipped set")
+    for panel in axes:
+        panel.set(xlabel="largest yaw rate [deg/s]", ylabel="distance [m]")
+        panel.grid(alpha=0.3)
+        panel.legend(fontsize="small")
+    figure.suptitle(f"{title}: what distance is paid for less yaw")
     figure.tight_layout()
     return figure

@@ -14,6 +14,7 @@ from tuning.logs.vehicle_log import VehicleLog
 from tuning.vehicle import lateral_figures as figures
 from tuning.vehicle.drive_log import drive
 from tuning.vehicle.split_mu import study
+from tuning.vehicle.trade_off import TRADED, trade_off
 
 
 def drive_log(log: VehicleLog, car: Car, out: Path) -> Report:
@@ -48,9 +49,19 @@ def drive_log(log: VehicleLog, car: Car, out: Path) -> Report:
     return Report({"cars driven by the log": rows}, lines, files)
 
 
-def split_mu(right: str, speed_kmh: float, out: Path) -> Report:
-    """Report of braking on split mu: a row for each control and who steers, and a figure."""
+def split_mu(right: str, speed_kmh: float, out: Path, *, tune: bool = False) -> Report:
+    """Report of braking on split mu: a row for each control and who steers, and a figure.
+
+    Args:
+        tune: whether thresholds are tuned under limits of the yaw rate: another table and figure.
+    """
     cases = study(right, speed_kmh)
     title = f"split mu: dry asphalt left, {right.replace('_', ' ')} right, {speed_kmh:g} km/h"
+    tables = {title: [case.row for case in cases]}
     files = [save(figures.split_mu_figure(cases, title), out / "split_mu.png")]
-    return Report({title: [case.row for case in cases]}, [], files)
+    if tune:
+        traded = [one for wiring in TRADED for one in trade_off(right, speed_kmh, wiring)]
+        tables["thresholds tuned under limits of the yaw rate"] = [one.row for one in traded]
+        files.append(save(figures.trade_off_figure(traded, cases, title), out / "trade_off.png"))
+        files.append(write_json(out / "trade_off.json", {"sets": [one._asdict() for one in traded]}))
+    return Report(tables, [], files)

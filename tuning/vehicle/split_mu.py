@@ -15,12 +15,14 @@ from absjax.controllers.five_phase import FivePhase
 from absjax.lanes import stacked
 from absjax.loop.channel import Channel
 from absjax.loop.driver import Driver
+from absjax.loop.sampled_vehicle import SampledVehicle
 from absjax.loop.stop import Outcome, Stop, stop
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.plant.brake import Brake
 from absjax.plant.four_wheel import FourWheel
 from absjax.plant.road import UniformRoad
 from absjax.plant.steering import YawDriver
+from absjax.plant.wheel import GRAVITY
 from absjax.tyres.base import Tyre
 from absjax.tyres.surfaces import SURFACES, surface
 from tuning.core.config import ConfigError
@@ -81,16 +83,29 @@ def largest(values):
     return jnp.sum(weights * size, axis=-1)
 
 
-def split_stop(loop: VehicleLoop, speed: Any, *, horizon: float) -> SplitStop:
+def split_stop(loop: VehicleLoop, speed: Any, *, horizon: float, ticks: int = 0) -> SplitStop:
     """Brake from `speed` [m/s] and see how much the car turns; differentiable with respect to both.
 
     Args:
         horizon: longest time allowed [s].
+        ticks: where given, the controllers sit in a control unit that ticks so many times in a grid step.
     """
-    result = stop(loop, speed, horizon=horizon, step=STEP, max_events=4000, save_every=SAVE_EVERY)
-    motion = result.rollout.path.state.vehicle.motion
-    yaw = result.rollout.state.vehicle.motion.yaw
-    return SplitStop(result.distance, largest(motion.yaw_rate), largest(motion.side_slip), yaw, result)
+    how = {"horizon": horizon, "max_events": 4000}
+    if ticks:
+        every = SAVE_EVERY * ticks
+        result = stop(SampledVehicle(loop), speed, step=STEP / ticks, save_every=every, **how)
+        final, path = (states.loop.vehicle for states in (result.rollout.state, result.rollout.path.state))
+    else:
+        result = stop(loop, speed, step=STEP, save_every=SAVE_EVERY, **how)
+        final, path = result.rollout.state.vehicle, result.rollout.path.state.vehicle
+    turned = largest(path.motion.yaw_rate), largest(path.motion.side_slip)
+    return SplitStop(result.distance, *turned, final.motion.yaw, result)
+
+
+def longest_stop(right: Tyre, speed: Any) -> int:
+    """Time that the worse side on all wheels would take, and half as much again for control that gives friction away,
+    in whole seconds."""
+    return math.ceil(1.5 * speed / (GRAVITY * float(right.peak().friction)))
 
 
 class Case(NamedTuple):
@@ -125,9 +140,7 @@ def study(right: str, speed_kmh: float, controller: Controller | None = None) ->
     """Every wiring with a held steering wheel and with a driver, dry asphalt on the left."""
     speed, controller = speed_kmh / 3.6, tuned() if controller is None else controller
     dry, other = surface("dry_asphalt"), surface(right)
-    # The worse side on all wheels takes longest; half as much again is for control that gives friction away.
-    horizon = math.ceil(1.5 * speed / (9.81 * float(other.peak().friction)))
-    cases = []
+    horizon, cases = longest_stop(other, speed), []
     for wiring, wheels in WIRINGS.items():
         loops = [split_loop(split_car(dry, other, driver), controller, wheels) for driver in DRIVERS.values()]
         result = split_stop(stacked(loops), jnp.full(len(loops), speed), horizon=horizon)
