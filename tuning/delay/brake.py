@@ -24,6 +24,7 @@ from absjax.loop.delayed_loop import DelayedLoop
 from absjax.loop.driver import Driver
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, Stop, stop
+from absjax.observers.designs import KnownRoad
 from absjax.plant.brake import Brake
 from absjax.plant.quarter_car import QuarterCar
 from absjax.plant.road import ChangingRoad
@@ -143,8 +144,15 @@ def _stops(loop, speed, horizon: float) -> Stop:
     return found._replace(rollout=None)  # pyright: ignore[reportArgumentType]
 
 
-def stops(cases: Sequence[Case], sampled: bool = False, delayed: bool = True, observer: Any = None) -> Stops:
-    """Stops of cases of one controller kind: located, or in a control unit at 1 ms; or without the delay."""
+def stops(cases: Sequence[Case], sampled: bool = False, delayed: bool = True, observed: bool = False) -> Stops:
+    """Stops of cases of one controller kind: located, or in a control unit at 1 ms; or without the delay.
+
+    Args:
+        cases: in a control unit 32 in a row have one delay as the controller knows it.
+        observed: whether the control unit estimates XBS, by the observer of three states.
+    """
+    design = KnownRoad()
+    observer, substeps = (design.observer(Wheel()), 2 * design.substeps) if observed else (None, 1)
     parts = []
     for first in range(0, len(cases), LANES):
         chunk = list(cases[first : first + LANES])
@@ -153,7 +161,7 @@ def stops(cases: Sequence[Case], sampled: bool = False, delayed: bool = True, ob
         system: Any = loop
         if sampled:
             ticks, known = (round(x / TICK) for x in (filled[0].delay, filled[0].delay * filled[0].known))
-            system = loop.in_unit(ticks, known=known) if delayed else SampledLoop(loop)
+            system = loop.in_unit(ticks, known=known, substeps=substeps) if delayed else SampledLoop(loop)
         found = _stops(system, np.array([case.speed_kmh / 3.6 for case in filled]), HORIZON)
         kept = found.distance, found.cycles, found.longest_cycle, found.longest_lock[0], found.outcome
         parts.append([np.asarray(leaf)[: len(chunk)] for leaf in kept])
@@ -170,6 +178,7 @@ ROBUSTNESS: tuple[tuple[str, dict[str, Any]], ...] = (
     ("wet to dry after 1.2 s", {"road": "wet_asphalt", "after": "dry_asphalt", "change": 1.2}),
 )
 VERSIONS = (("not predicted", 0.0), ("predicted", 1.0))
+COMPARED = "distance [m]", "longest cycle [s]", "longest lock [s]", "cycling"
 SWEPT = tuple(1e-3 * x for x in (1, 2, 3, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 25))
 """Delays of the sweep, s."""
 
@@ -194,6 +203,21 @@ def robustness_rows(found: Stops) -> list[dict[str, Any]]:
     """Of `robustness_cases`."""
     named = [(what, name) for what, _ in ROBUSTNESS for name, _ in VERSIONS]
     return [{"error": what, "law": name, **found.of(i)} for i, (what, name) in enumerate(named)]
+
+
+def estimated_rows() -> list[dict[str, Any]]:
+    """The errors again but those of the delay, in a control unit that is told XBS or has to estimate it."""
+    errors = [(what, error) for what, error in ROBUSTNESS if "known" not in error]
+    named = [(what, name) for what, _ in errors for name, _ in VERSIONS]
+    cases = [Case(trust=trust, **error) for _, error in errors for _, trust in VERSIONS]
+    both = {how: stops(cases, sampled=True, observed=how == "estimated") for how in ("told", "estimated")}
+    rows = []
+    for i, (what, name) in enumerate(named):
+        row: dict[str, Any] = {"error": what, "law": name}
+        for how, found in both.items():
+            row |= {f"{of}, XBS {how}": value for of, value in found.of(i).items() if of in COMPARED}
+        rows.append(row)
+    return rows
 
 
 def table_roads(roads: Sequence[str], speeds: Sequence[float], **of: Any) -> list[Case]:

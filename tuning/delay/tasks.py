@@ -115,6 +115,7 @@ def stop_part(out: Path, tuned: dict[str, dict[str, float]]) -> tuple[Tables, li
         "robustness: delay of 10 ms, dry asphalt from 120 km/h": brake.robustness_rows(
             brake.taken(found, slice(swept, None))
         ),
+        "robustness in a control unit: XBS told, and estimated": brake.estimated_rows(),
         "distances through 10 ms [m]: to 10 km/h, located": table_rows(tuned, sampled=False),
         "distances in a control unit [m]: to 10 km/h, 1 ms": table_rows(tuned, sampled=True),
         "two phases through 10 ms: dry asphalt": two_phase_rows(),
