@@ -19,6 +19,7 @@ from absjax.plant.brake import Brake
 from absjax.plant.four_wheel import FourWheel
 from absjax.plant.road import UniformRoad
 from tuning.cars.car import shipped_cars
+from tuning.cars.entry import VehicleEntry
 from tuning.cli import app
 from tuning.controllers import regulation
 from tuning.controllers.config import TuningConfig
@@ -88,16 +89,17 @@ def test_tests_that_count_are_the_shortest_within_5_percent():
 
 def course_of(**changes) -> Course:
     sound = {"utilised": 0.6, "rate": 0.6, "lock": 0.1, "steerability": 0.5, "passed": 40 * KMH, "steered_soon": 0.05}
-    sound |= {"steered": 0.06, "clearance": 0.6, "yaw": 0.02, "outcome": Outcome.STOPPED}
+    sound |= {"steered": 0.06, "clearance": 0.6, "yaw": 0.02, "yaw_rate": 0.1, "side_slip": 0.01}
+    sound |= {"outcome": Outcome.STOPPED}
     return Course(**{**sound, **changes})
 
 
-def judged(laden, change):
+def judged(laden, change, turning=screening.ANY):
     """The rows of stops of which each has a course of its own."""
     car = adhesion.straight_ahead(CAR, surfaces()["high"], laden=laden)
     known = screening.Adhesions({laden: Weights.of(car)}, {laden: {"high": (0.8, 0.8), "low": (0.3, 0.3)}})
     lanes = [lane for lane in lanes_of(on_car(TuningConfig(), CAR, laden=laden).driver) if lane.laden == laden]
-    found = screening.quantities(laden, [(lane, course_of(**change(lane.stop))) for lane in lanes], known, 0.2)
+    found = screening.quantities(laden, [(lane, course_of(**change(lane.stop))) for lane in lanes], known, 0.2, turning)
     return {(row.surface, row.quantity): row for row in (screening.row_of("car", laden, q) for q in found)}
 
 
@@ -115,6 +117,17 @@ def test_rows_and_their_verdicts():
     assert not any(name in quantity for _, quantity in judged(False, lambda stop: {}) for name in screening.SPLIT)
 
 
+def test_limits_on_how_much_the_car_turns_are_told_and_kept_where_given():
+    told = judged(True, lambda stop: {"yaw_rate": 0.2, "side_slip": 0.05})
+    assert told["split", "largest yaw rate [deg/s]"].passed is None
+    kept = judged(True, lambda stop: {"yaw_rate": 0.2, "side_slip": 0.05}, screening.Turning(10.0, 3.0))
+    assert kept["split", "largest yaw rate [deg/s]"].reached == pytest.approx(math.degrees(0.2))
+    assert kept["split", "largest yaw rate [deg/s]"].passed is False
+    assert kept["split", "largest side-slip [deg]"].passed and kept["split", "largest side-slip [deg]"].demanded == 3.0
+    with pytest.raises(ConfigError, match="largest_yaw_rate is a limit of the screening"):
+        VehicleEntry(largest_yaw_rate=10.0)
+
+
 def test_locks_of_more_than_a_fifth_of_a_second_fail_by_name():
     locked = judged(False, lambda stop: {"lock": 0.21} if (stop.name, stop.at) == ("passage", 120.0) else {})
     failed = [key for key, row in locked.items() if row.passed is False]
@@ -125,7 +138,7 @@ def test_locks_of_more_than_a_fifth_of_a_second_fail_by_name():
     assert tasks.verdict(list(lost.values())) == (
         "rows failed, car",
         [
-            "car: 1 of 15 rows failed: lock from 50 (split, unladen)",
+            "car: 1 of 17 rows failed: lock from 50 (split, unladen)",
             "car: not by 5 %: utilisation of adhesion (high, unladen)",
         ],
     )

@@ -18,7 +18,7 @@ from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
 from tuning.cars.car import MODELS, CarFigures, car_entry
 from tuning.core.components import built, component
-from tuning.core.config import ConfigError, Entries, Flag, NonNegative, Real, Text, Values, choice, config
+from tuning.core.config import ConfigError, Entries, Flag, NonNegative, Positive, Real, Text, Values, choice, config
 
 WIRINGS: dict[str, dict[int, tuple[tuple[int, ...], ...]]] = {
     "independent": {2: ((0,), (1,)), 4: ((0,), (1,), (2,), (3,))},
@@ -45,6 +45,8 @@ class VehicleEntry(Entries):
             `absjax.speed.SPEED_ESTIMATORS`, or `package.module:Class`; None tells it the true one.
         speed_parameters: its fields.
         regulation: whether a set has to pass the screening after UN Regulation 13-H (`tuning.controllers.regulation`).
+        largest_yaw_rate, largest_side_slip: what it allows on the split road besides, a driver steering [deg/s, deg];
+            None: any.
         accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
     """
 
@@ -57,6 +59,8 @@ class VehicleEntry(Entries):
     speed: Text | None = None
     speed_parameters: Annotated[Values, Field()] = dataclasses.field(default_factory=dict)
     regulation: Flag = False
+    largest_yaw_rate: Positive | None = None
+    largest_side_slip: Positive | None = None
     accelerometer_bias: Real = 0.5
     accelerometer_noise: NonNegative = 0.1
 
@@ -66,6 +70,9 @@ class VehicleEntry(Entries):
         choice("vehicle.sets", self.sets, SETS)
         if self.wheels not in WIRINGS[self.wiring]:
             raise ConfigError(f"vehicle.wiring = {self.wiring!r} needs the model four_wheel")
+        for name in ("largest_yaw_rate", "largest_side_slip"):
+            if getattr(self, name) is not None and not self.regulation:
+                raise ConfigError(f"vehicle.{name} is a limit of the screening: it needs regulation = true")
         self.estimator()
 
     @property

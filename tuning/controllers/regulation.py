@@ -19,7 +19,7 @@ from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import with_parameters
 from tuning.controllers.setup import Setup
 from tuning.vehicle.regulation.lanes import Clocked, lanes_of, loops_of, run
-from tuning.vehicle.regulation.screening import LOADS, Quantity, adhesions_of, all_quantities, row_of
+from tuning.vehicle.regulation.screening import LOADS, Quantity, Turning, adhesions_of, all_quantities, row_of
 
 USUAL: dict[str, Any] = {"model": "four_wheel", "wiring": "select_low_rear"}
 FINALISTS = 8
@@ -38,6 +38,12 @@ def on_car(config: TuningConfig, figures: CarFigures, *, laden: bool) -> Setup:
     one_wheel = {"plant": "quarter_car", "plant_parameters": {}, "wheel": {}}
     free = {"largest_contraction": None, "reference": "ideal"}
     return Setup.of(dataclasses.replace(config, vehicle=vehicle, **one_wheel, **free))
+
+
+def turning_of(config: TuningConfig) -> Turning:
+    """The limits of a configuration's vehicle on the split road."""
+    vehicle = config.vehicle
+    return Turning() if vehicle is None else Turning(vehicle.largest_yaw_rate, vehicle.largest_side_slip)
 
 
 def clocked(setup: Setup, located: bool = False) -> Clocked:
@@ -62,6 +68,7 @@ class Regulation:
         setups = {laden: on_car(config, figures, laden=laden) for laden in LOADS}
         loops: dict[bool, Any] = {laden: setup.loop_of() for laden, setup in setups.items()}
         self._lanes, self._known = lanes_of(setups[False].driver), adhesions_of(figures)
+        self._turning = turning_of(config)
         self._loops, self._clocked = loops_of(loops, self._lanes), clocked(setups[False], located)
         self._margins = jax.jit(self.margins)
 
@@ -69,7 +76,7 @@ class Regulation:
         """Of the parameters by name, scalars: (laden, quantity)."""
         own = {name: jnp.broadcast_to(value, len(self._lanes)) for name, value in values.items()}
         loops = with_parameters(self._loops, own)
-        return all_quantities(loops, self._lanes, run(loops, self._lanes, self._clocked), self._known)
+        return all_quantities(loops, self._lanes, run(loops, self._lanes, self._clocked), self._known, self._turning)
 
     def margins(self, values: Mapping[str, Any]):
         """How far each row is on the right side, as a share of what it demands, (rows,); differentiable."""

@@ -52,6 +52,10 @@ class Course(NamedTuple):
     """least distance of the middle of a tyre from the line between its two sides [m]; negative beyond it"""
     yaw: Any
     """largest yaw angle [rad]"""
+    yaw_rate: Any
+    """largest yaw rate [rad/s]"""
+    side_slip: Any
+    """largest side-slip of the car [rad]"""
     outcome: Any
     """an `Outcome` code"""
 
@@ -84,6 +88,8 @@ def _course(loop: VehicleLoop, time, state, lock, outcome) -> Course:
         steered=angle.max(),
         clearance=jnp.stack(places).min(),
         yaw=jnp.abs(motion.yaw).max(),
+        yaw_rate=jnp.abs(motion.yaw_rate).max(),
+        side_slip=jnp.abs(motion.side_slip).max(),
         outcome=outcome,
     )
 

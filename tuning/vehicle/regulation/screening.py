@@ -94,6 +94,18 @@ class Screened(NamedTuple):
     places: tuple[str, ...]
 
 
+class Turning(NamedTuple):
+    """How much the car may turn on the split road, the driver steering; ours, the regulation has no such limits."""
+
+    yaw_rate: float | None = None
+    """largest yaw rate, deg/s; None: only told"""
+    side_slip: float | None = None
+    """largest side-slip, deg; None: only told"""
+
+
+ANY = Turning()
+
+
 class Adhesions(NamedTuple):
     """Of a car, unladen (False) and laden (True)."""
 
@@ -112,13 +124,16 @@ def adhesions_of(figures: CarFigures) -> Adhesions:
     return Adhesions(weights, found)
 
 
-def quantities(laden: bool, stops: Sequence[tuple[Lane, Course]], known: Adhesions, rise: Any) -> list[Quantity]:
+def quantities(
+    laden: bool, stops: Sequence[tuple[Lane, Course]], known: Adhesions, rise: Any, turning: Turning = ANY
+) -> list[Quantity]:
     """What one load has to reach.
 
     Args:
         stops: with their courses, those of this load.
         known: adhesion of the car.
         rise: time to a high deceleration [s].
+        turning: limits on the split road.
     """
     weights, k = known.weights[laden], known.found[laden]
     found = []
@@ -152,10 +167,13 @@ def quantities(laden: bool, stops: Sequence[tuple[Lane, Course]], known: Adhesio
     for name, angle, limit in (("in 2 s", split.steered_soon, STEERED_SOON), ("in all", split.steered, STEERED)):
         turned = jnp.degrees(STEERING_RATIO * angle)
         found.append(Quantity("split", f"steered {name} [deg]", turned, limit, ends, False))
+    largest = ("yaw rate [deg/s]", split.yaw_rate), ("side-slip [deg]", split.side_slip)
+    for (name, reached), limit in zip(largest, turning):
+        found.append(Quantity("split", f"largest {name}", jnp.degrees(reached), limit, ends, False))
     return found
 
 
-def all_quantities(loops: VehicleLoop, lanes: Sequence[Lane], stops: Stop, known: Adhesions):
+def all_quantities(loops: VehicleLoop, lanes: Sequence[Lane], stops: Stop, known: Adhesions, turning: Turning = ANY):
     """Of both loads: (laden, quantity). Differentiable by the loops' parameters through the course of the stops."""
     every = courses(loops, stops)
     path, found = stops.rollout.path, []
@@ -166,22 +184,25 @@ def all_quantities(loops: VehicleLoop, lanes: Sequence[Lane], stops: Stop, known
         high = mean_rate(jnp.stack([c.utilised for lane, c in own if lane.stop[:2] == ("utilisation", "high")]))
         at, lane = next((i, lane) for i, lane in mine if lane.stop.name == "rise")
         rise = rise_time(path.time[at], motion.longitudinal[at], motion.distance[at], lane.stop.change, high)
-        found += [(laden, quantity) for quantity in quantities(laden, own, known, rise)]
+        found += [(laden, quantity) for quantity in quantities(laden, own, known, rise, turning)]
     return found
 
 
-def screened(car: str, figures: CarFigures, loops: Mapping[bool, VehicleLoop], clocked: Clocked) -> Screened:
+def screened(
+    car: str, figures: CarFigures, loops: Mapping[bool, VehicleLoop], clocked: Clocked, turning: Turning = ANY
+) -> Screened:
     """Screen the controllers of a car.
 
     Args:
         car: its name.
         loops: of it on four wheels, unladen (False) and laden (True); their roads do not matter.
         clocked: makes the system that is rolled out.
+        turning: limits on the split road.
     """
     lanes = lanes_of(loops[False].driver)
     together = loops_of(loops, lanes)
     stops, known = run(together, lanes, clocked), adhesions_of(figures)
-    found = all_quantities(together, lanes, stops, known)
+    found = all_quantities(together, lanes, stops, known, turning)
     rows, car_on_four = [row_of(car, laden, quantity) for laden, quantity in found], loops[False].vehicle
     radii = tuple(float(wheel.radius) for wheel in car_on_four.wheels)
     return Screened(rows, lanes, stops, radii, car_on_four.places)
