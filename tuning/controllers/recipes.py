@@ -1,6 +1,7 @@
 """How the shipped controller sets are made: configurations that begin with untuned values, one for each.
 
-`data/recipes.json` has them; `data/controllers.json` has the parameters found, by the name of the recipe.
+`data/recipes.json` has them; `data/controllers.json` has the parameters found, by the name of the recipe: of a
+controller on one wheel, on a car, or under the limits of the published table.
 `python -m tuning abs-sets` makes them anew.
 """
 
@@ -32,7 +33,13 @@ def tuned_sets() -> dict[str, TuningConfig]:
 @cache
 def published_sets() -> tuple[TuningConfig, ...]:
     """Sets tuned for the published quantity, one for each controller and limits."""
-    return tuple(config for name, config in _sets().items() if name != config.controller)
+    return tuple(c for name, c in _sets().items() if name != c.controller and c.vehicle is None)
+
+
+@cache
+def car_sets() -> dict[str, TuningConfig]:
+    """The sets tuned on a car, by controller."""
+    return {config.controller: config for config in _sets().values() if config.vehicle is not None}
 
 
 def _sets() -> dict[str, TuningConfig]:

@@ -16,11 +16,10 @@ import numpy as np
 from absjax.loop.stop import Outcome
 from tuning.controllers.batch import batch_of, scored
 from tuning.controllers.config import TuningConfig
-from tuning.controllers.recipes import tuned_sets
+from tuning.controllers.recipes import car_sets, tuned_sets
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.core.components import initial
-from tuning.core.files import shipped
 
 CONTROLLERS = "five_phase", "two_phase", "slip", "bosch", "production"
 """Those of tables; two-phase goes by the true XBS here."""
@@ -58,11 +57,6 @@ class Found(NamedTuple):
         }
 
 
-def car_sets() -> dict[str, dict[str, float]]:
-    """The sets tuned on a car, by controller."""
-    return shipped("vehicle_controllers.json")
-
-
 def sets_of(controller: str, axles: bool) -> dict[str, dict[str, float]]:
     """The default set, that tuned on a quarter car, and that tuned on the car, of one controller.
 
@@ -74,7 +68,7 @@ def sets_of(controller: str, axles: bool) -> dict[str, dict[str, float]]:
     prefixes = ("front.", "rear.") if axles else ("",)
     spread = {name: {p + n: v for p in prefixes for n, v in values.items()} for name, values in found.items()}
     on_car = car_sets().get(controller)
-    return spread if on_car is None else {**spread, "car": on_car}
+    return spread if on_car is None else {**spread, "car": Setup.of(on_car).initial}
 
 
 def compared(config: TuningConfig, sets: Mapping[str, Mapping[str, float]]) -> list[Found]:

@@ -9,10 +9,11 @@ from absjax.speed import KalmanSpeed
 from absjax.speed.base import SpeedEstimator
 from tuning.cars.entry import of_axle
 from tuning.controllers.published import ROADS, SPEEDS_KMH
+from tuning.controllers.recipes import car_sets
 from tuning.core.figures import save
 from tuning.core.report import Report
 from tuning.vehicle import figures
-from tuning.vehicle.distances import car_sets, distances
+from tuning.vehicle.distances import distances
 from tuning.vehicle.scenario import Ride, figures_of, ride, scenario_loop
 
 UNBIASED = {"bias_drift": 1e-4, "bias_deviation": 0.05, "rim_noise": 1.0}
@@ -34,7 +35,7 @@ def study(out: Path) -> Iterator[Report]:
 
 def scenario(out: Path) -> Report:
     """Figs 3.15 to 3.19 of the source, with several filters of the speed."""
-    sets = car_sets()["five_phase"]
+    sets = car_sets()["five_phase"].start
     controllers = tuple(FivePhase(**of_axle(sets, axle)) for axle in range(2))
     loop = scenario_loop(controllers)
     rides: dict[str, Ride] = {name: ride(loop, estimator) for name, estimator in FILTERS.items()}
