@@ -86,11 +86,13 @@ def trade_off_figure(traded: Sequence[Traded], cases: Sequence[Case], title: str
     """Distance over the largest yaw rate: tuned sets, sampled, from another speed; and the set they start from."""
     figure, axes = plt.subplots(1, 2, figsize=(12, 5))
     for i, wiring in enumerate(dict.fromkeys(one.wiring for one in traded)):
-        rows = sorted((one.row for one in traded if one.wiring == wiring), key=lambda row: row["limit [deg/s]"])
+        rows = [one.row for one in traded if one.wiring == wiring]
         for panel, wheres in zip(axes, (WHERES[:2], WHERES[2:])):
             for where, style in zip(wheres, ("o-", "s:")):
                 found = [[row[f"{what}{where} [{unit}]"] for row in rows] for what, unit in TRADE]
-                panel.plot(*found, style, color=f"C{i}", ms=6, label=f"{wiring}, tuned{where}")
+                panel.plot(*found, style, color=f"C{i}", ms=6, mfc="none", label=f"{wiring}, tuned{where}")
+                sound = [row["limit"] == "kept" and row["end"] != "spun" for row in rows]
+                panel.plot(*(np.array(values)[sound] for values in found), style[0], color=f"C{i}", ms=6)
         for case in cases:
             if case.row["control"] == wiring and case.row["steering"] != "held" and case.row["end"] != "spun":
                 at = case.row["largest yaw rate [deg/s]"], case.row["distance [m]"]
@@ -99,6 +101,6 @@ def trade_off_figure(traded: Sequence[Traded], cases: Sequence[Case], title: str
         panel.set(xlabel="largest yaw rate [deg/s]", ylabel="distance [m]")
         panel.grid(alpha=0.3)
         panel.legend(fontsize="small")
-    figure.suptitle(f"{title}: what distance is paid for less yaw")
+    figure.suptitle(f"{title}: what distance is paid for less yaw\nhollow: the limit is not reached, or the car spins")
     figure.tight_layout()
     return figure

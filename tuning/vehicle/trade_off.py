@@ -23,7 +23,7 @@ from absjax.tyres.surfaces import surface
 from tuning.controllers.loops import with_parameters
 from tuning.core.box import Box, box_of, joined
 from tuning.core.descent import Descent, Progress
-from tuning.vehicle.split_mu import WIRINGS, longest_stop, split_car, split_loop, split_stop, tuned
+from tuning.vehicle.split_mu import SPUN, WIRINGS, longest_stop, split_car, split_loop, split_stop, tuned
 
 TRADED = "independent", "select-low behind"
 """Wirings that are tuned; select-low in front leaves no yaw to trade."""
@@ -31,6 +31,8 @@ SHARES = 1.0, 0.85, 0.7, 0.55, 0.4
 """Limits, over the largest yaw rate of the start."""
 STRICTNESS = 10.0
 """K: one percent above the limit is worth as much as a tenth of the distance."""
+KEPT = 1.01
+"""Share of a limit up to which it counts as kept."""
 FAILED = 10.0
 """Charge of a stop that does not end."""
 FLOOR = 10.0
@@ -134,5 +136,9 @@ def _row(wiring: str, limit: float, judged: dict[str, Any], i: int) -> dict[str,
     for where, found in judged.items():
         row[f"distance{where} [m]"] = round(float(found.distance[i]), 2)
         row[f"largest yaw rate{where} [deg/s]"] = round(math.degrees(float(found.yaw_rate[i])), 2)
-    row["locked above 15 km/h [s]"] = round(float(judged[""].stop.longest_lock[0][i]), 3)
+    turned = judged[""]
+    row["largest side-slip [deg]"] = round(math.degrees(float(turned.side_slip[i])), 2)
+    row["limit"] = "kept" if float(turned.yaw_rate[i]) <= KEPT * limit else "not reached"
+    row["end"] = "spun" if turned.side_slip[i] > SPUN else Outcome(int(turned.stop.outcome[i])).message
+    row["locked above 15 km/h [s]"] = round(float(turned.stop.longest_lock[0][i]), 3)
     return row
