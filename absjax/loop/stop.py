@@ -134,7 +134,7 @@ def stop(
     speed = jnp.asarray(speed, jnp.result_type(float) if not hasattr(speed, "dtype") else speed.dtype)
     result = rollout(
         loop,
-        loop.initial_state(speed),
+        _begun(loop, speed),
         step=step,
         steps=math.ceil(horizon / step - 1e-9),
         max_events=max_events,
@@ -143,10 +143,16 @@ def stop(
         checkpoint=checkpoint,
         tile=tile,
     )
-    return _assess(base, speed, result)
+    return _assessed(base, speed, result._replace(trajectory=None, switches=None))._replace(rollout=result)
 
 
-def _assess(loop: Stoppable, speed, result: Rollout) -> Stop:
+@jax.jit
+def _begun(loop: Stoppable, speed):
+    return loop.initial_state(speed)
+
+
+@jax.jit
+def _assessed(loop: Stoppable, speed, result: Rollout) -> Stop:
     time = loop_time(result.time, result.state)
     end = loop.course(time, loop_state(result.state), result.mode)
     control, locks = end.memory.control, end.memory.locks

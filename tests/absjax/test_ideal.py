@@ -24,7 +24,7 @@ from absjax.tyres.burckhardt import Burckhardt
 from absjax.tyres.surfaces import SURFACES
 from tests.attack.stops import random_controller
 
-SETS, END = 2000, 3.0
+SETS, END = 1000, 3.0
 CONTROLLERS = (
     FivePhase,
     AccelerationTracking,

@@ -59,7 +59,7 @@ WIDER = dataclasses.replace(STOP, car=Car(radius=0.303), logging=dataclasses.rep
 SLOW = dataclasses.replace(STOP, logging=dataclasses.replace(LOGGING, sensors=Sensors().gps()))
 TWO_AXLES = dataclasses.replace(
     on_two_axles(dataclasses.replace(STOP, speed=30.0)),
-    logging=Logging((*LOGGING.columns, "load"), duration=2.0),
+    logging=Logging((*LOGGING.columns, "load"), duration=1.6),
 )
 SWEEP = RigSweep(slip=(-0.5, 0.3), logging=Logging(("wheel_speed", "vehicle_speed", "force", "load"), duration=3.0))
 RIG = dataclasses.replace(
