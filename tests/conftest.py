@@ -32,6 +32,7 @@ LONGEST = (
     "test_observers.py",
     "test_foreign_components.py",
     "test_identify_logs.py",
+    "test_identify_mutants.py",
     "test_cycles.py",
     "test_cli.py",
     "test_controllers.py",
