@@ -134,7 +134,7 @@ def stop(
     speed = jnp.asarray(speed, jnp.result_type(float) if not hasattr(speed, "dtype") else speed.dtype)
     result = rollout(
         loop,
-        _begun(loop, speed),
+        loop.initial_state(speed),
         step=step,
         steps=math.ceil(horizon / step - 1e-9),
         max_events=max_events,
@@ -144,11 +144,6 @@ def stop(
         tile=tile,
     )
     return _assessed(base, speed, result._replace(trajectory=None, switches=None))._replace(rollout=result)
-
-
-@jax.jit
-def _begun(loop: Stoppable, speed):
-    return loop.initial_state(speed)
 
 
 @jax.jit
