@@ -1,4 +1,4 @@
-"""No controller beats the ideal stop: thousands of random sets of every controller, on constant and changing roads."""
+"""No controller beats the ideal stop: a thousand random sets of every controller, on constant and changing roads."""
 
 import jax
 import jax.numpy as jnp
