@@ -3,6 +3,7 @@ precision, gradient."""
 
 import json
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -135,6 +136,10 @@ def numbers(component, values):
     return component.worked_out(component.build(values))
 
 
+COMPILED = {id(component): jax.jit(partial(numbers, component)) for component in TABLE.values()}
+"""`numbers` of some values, as one program."""
+
+
 def test_every_registered_component_is_in_the_table():
     assert len(TABLE) == sum(map(len, (TYRES, PLANTS, CONTROLLERS, BASELINES, PREDICTIVE, OBSERVERS, SPEED_ESTIMATORS)))
 
@@ -179,9 +184,10 @@ def test_bounds_are_kept_by_name(component):
 def test_lanes_against_one_by_one(component):
     factors = np.array([1.0, 1.02, 1.05])
     lanes = {name: value * factors for name, value in component.values.items()}
-    together = jax.vmap(lambda v: numbers(component, v))(lanes)
+    one = COMPILED[id(component)]
+    together = jax.vmap(one)(lanes)
     for i in range(len(factors)):
-        alone = numbers(component, {name: float(values[i]) for name, values in lanes.items()})
+        alone = one({name: float(values[i]) for name, values in lanes.items()})
         np.testing.assert_allclose(together[i], alone, rtol=1e-12, atol=1e-12)
 
 
@@ -194,9 +200,10 @@ def test_single_precision(component):
 
 @every
 def test_gradient_against_differences(component):
-    exact = jax.jacfwd(lambda v: numbers(component, v))(component.values)
+    one = COMPILED[id(component)]
+    exact = jax.jit(jax.jacfwd(one))(component.values)
     for name, value in component.values.items():
         h = 1e-6 * max(abs(value), 1e-2)
-        ends = [np.asarray(numbers(component, {**component.values, name: value + e})) for e in (h, -h)]
+        ends = [np.asarray(one({**component.values, name: value + e})) for e in (h, -h)]
         scale = max(np.abs(np.asarray(exact[name])).max(), 1.0)
         np.testing.assert_allclose(exact[name], (ends[0] - ends[1]) / (2 * h), rtol=1e-5, atol=1e-6 * scale)

@@ -22,10 +22,32 @@ def test_there_are_notebooks():
     }
 
 
+BLANK = """
+%reset -f
+import jax
+import matplotlib.pyplot
+jax.config.update("jax_enable_x64", False)
+matplotlib.pyplot.close("all")
+del jax, matplotlib
+"""
+"""Nothing is left of the notebook before: no name, no figure, no double precision."""
+
+
+@pytest.fixture(scope="module")
+def client():
+    """A kernel for all of them: most of what a notebook takes is the start of a process and of JAX."""
+    with pytest.MonkeyPatch.context() as environment:
+        environment.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
+        environment.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+        client = NotebookClient(nbformat.v4.new_notebook(), timeout=300, kernel_name="python3")
+        with client.setup_kernel():
+            yield client
+
+
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
-def test_notebook(path, monkeypatch):
-    monkeypatch.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
-    monkeypatch.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+def test_notebook(path, client):
     notebook = nbformat.read(path, as_version=4)
     assert notebook.cells[-1].source.lstrip().startswith("assert")
-    NotebookClient(notebook, timeout=300, kernel_name="python3").execute()
+    notebook.cells.insert(0, nbformat.v4.new_code_cell(BLANK))
+    client.nb = notebook
+    client.execute(cleanup_kc=False)

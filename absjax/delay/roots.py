@@ -26,6 +26,7 @@ POINTS = 24
 NEWTON_STEPS = 8
 
 
+@jax.jit
 def integrator_root(alpha, delay):
     """Real part of the rightmost root of s + alpha e^{-s h}, 1/s; negative for 0 < alpha < pi / (2 h).
 
@@ -37,11 +38,13 @@ def integrator_root(alpha, delay):
     beyond = jnp.where(real, 1.0, z)
     fixed = lax.stop_gradient(beyond)
     # Beyond 1/e a pair: W = x + j y with x = -y cot y, z = y e^x / sin y and y in (0, pi), found by bisection.
-    low, high = jnp.zeros_like(fixed), jnp.full_like(fixed, np.pi)
-    for _ in range(60):
-        y = 0.5 * (low + high)
+
+    def halved(_, ends):
+        y = 0.5 * (ends[0] + ends[1])
         less = _turned(y) < jnp.log(fixed)
-        low, high = jnp.where(less, y, low), jnp.where(less, high, y)
+        return jnp.where(less, y, ends[0]), jnp.where(less, ends[1], y)
+
+    low, high = lax.fori_loop(0, 60, halved, (jnp.zeros_like(fixed), jnp.full_like(fixed, np.pi)))
     y = 0.5 * (low + high)
     y = y + (jnp.log(beyond) - jnp.log(fixed)) / jax.grad(lambda y: jnp.sum(_turned(y)))(y)
     return jnp.where(real, below, -y / jnp.tan(y)) / delay
@@ -52,6 +55,7 @@ def _turned(y):
     return jnp.log(y / jnp.sin(y)) - y / jnp.tan(y)
 
 
+@jax.jit
 def rightmost_root(A, Bs, delay):
     """The root of det(s I - A - sum_k B_k e^{-k s h}) with the largest real part, complex, its imaginary part >= 0.
 
@@ -110,6 +114,7 @@ def _at(place: float, x: np.ndarray, weights: np.ndarray) -> np.ndarray:
     return (row / row.sum())[None]
 
 
+@jax.jit
 def predictor_root(chain: Chain, x, alpha, beta, delay):
     """Real part of the rightmost root of the predictor's closed loop, the chain made linear at x (n,), 1/s.
 
@@ -123,6 +128,7 @@ def predictor_root(chain: Chain, x, alpha, beta, delay):
     return jnp.maximum(jnp.max(integrator_root(jnp.asarray(alpha), delay)), bias)
 
 
+@jax.jit
 def unpredicted_root(chain: Chain, x, alpha, delay):
     """The same of the law without prediction: x_i^P is x_i, all else as it is.
 

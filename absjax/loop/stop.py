@@ -143,10 +143,11 @@ def stop(
         checkpoint=checkpoint,
         tile=tile,
     )
-    return _assess(base, speed, result)
+    return _assessed(base, speed, result._replace(trajectory=None, switches=None))._replace(rollout=result)
 
 
-def _assess(loop: Stoppable, speed, result: Rollout) -> Stop:
+@jax.jit
+def _assessed(loop: Stoppable, speed, result: Rollout) -> Stop:
     time = loop_time(result.time, result.state)
     end = loop.course(time, loop_state(result.state), result.mode)
     control, locks = end.memory.control, end.memory.locks

@@ -15,6 +15,7 @@ Source: Hoang 2014 (thesis), Theorem 4.1; Hespanha 2004, Theorem 4.
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -67,13 +68,18 @@ def normal_form(A, C):
     n = A.shape[0]
     if A.shape != (n, n) or C.shape != (n,):
         raise ValueError(f"A {A.shape} must be square and C {C.shape} a row of it")
-    alpha, rows = characteristic_of(A)[1:], [C]
-    for k in range(n - 1):
-        rows.append(rows[-1] @ A + alpha[k] * C)
-    T = jnp.stack(rows)
+    alpha, T = _normal_form(A, C)
     if concrete(T) and jnp.linalg.matrix_rank(_rows_scaled(T)) < n:
         raise ValueError("the pair (A, C) is not observable")
     return alpha, T
+
+
+@jax.jit
+def _normal_form(A, C):
+    alpha, rows = characteristic_of(A)[1:], [C]
+    for k in range(A.shape[0] - 1):
+        rows.append(rows[-1] @ A + alpha[k] * C)
+    return alpha, jnp.stack(rows)
 
 
 def place(A, C, polynomial):
@@ -101,6 +107,7 @@ def _rows_scaled(matrix):
     return matrix / jnp.where(norms > 0, norms, 1.0)
 
 
+@jax.jit
 def lyapunov(A, Q):
     """P with A' P + P A = -Q, for a stable A (n, n) and symmetric Q (n, n)."""
     A, n = jnp.asarray(A), A.shape[0]
@@ -143,6 +150,7 @@ def partner(A, C, plus, ratio: Any = 1.0) -> GainPair:
     return GainPair(plus, plus - 0.5 * (1 + ratio) * change, T.T @ _companion_lyapunov(p) @ T)
 
 
+@jax.jit
 def _companion_lyapunov(p):
     """P with A' P + P A = -C' C for A the companion matrix [-p | 1], C = (1, 0, ..., 0).
 
@@ -157,6 +165,7 @@ def _companion_lyapunov(p):
     return lyapunov(A, unit) * jnp.outer(scale, scale) / pace
 
 
+@jax.jit
 def characteristic_of(A):
     """Characteristic polynomial of A (n, n), highest power first, by Faddeev and LeVerrier's recursion."""
     n = A.shape[0]
@@ -167,6 +176,7 @@ def characteristic_of(A):
     return jnp.stack(coefficients)
 
 
+@jax.jit
 def spectral_radius(A):
     """Largest magnitude of an eigenvalue of A (n, n): Gelfand's formula at the power 2^8, to a few per cent."""
     logarithm, power = jnp.zeros(()), A

@@ -1,5 +1,7 @@
 """The predictor of Theorem 6.1, held to the delayed equation by a plain loop; roots; conditions."""
 
+from functools import partial
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -23,9 +25,13 @@ def gains(n, alpha, beta):
     return Predictor(jnp.full(n, alpha), jnp.full(n, beta))
 
 
+@partial(jax.jit, static_argnames=("step", "steps"))
+def rolled(system, x, step, steps):
+    return rollout(system, system.initial_state(*x), step=step, steps=steps, save_every=1)
+
+
 def path(system, x, end, step=STEP):
-    result = rollout(system, system.initial_state(*x), step=step, steps=round(end / step), save_every=1)
-    return result.raise_if_failed().path
+    return rolled(system, x, step, round(end / step)).raise_if_failed().path
 
 
 CASES = {
@@ -62,6 +68,7 @@ def test_sampled_comes_to_the_delayed_equation_as_the_clock_quickens():
     assert abs(off[1]) < 5e-4 and off[1] / off[0] == pytest.approx(0.5, abs=0.05)
 
 
+@jax.jit
 def ends(p, x=0.5):
     """x at the end of lanes p (lanes, 3) of alpha, beta and delay."""
     p = jnp.asarray(p)
@@ -74,8 +81,7 @@ def test_gradient_by_gains_and_delay_against_differences_and_lanes():
     slopes = jax.jvp(ends, (np.tile(p, (7, 1)),), (np.concatenate([np.eye(3), np.zeros((4, 3))]),))[1][:3]
     lanes = ends(np.concatenate([p * (1 + move * np.eye(3)), p * (1 - move * np.eye(3)), p[None]]))
     np.testing.assert_allclose(slopes, (lanes[:3] - lanes[3:6]) / (2 * move * p), rtol=1e-5)
-    system = DelayedTracking(Scalar(), gains(1, *p[:2]), p[2])
-    single = rollout(system, system.initial_state(0.5), step=STEP, steps=60).state.x[0]
+    single = rolled(DelayedTracking(Scalar(), gains(1, *p[:2]), p[2]), (0.5,), STEP, 60).state.x[0]
     np.testing.assert_allclose(lanes[6], single, rtol=1e-12)
 
 
@@ -84,7 +90,7 @@ def test_single_precision_is_near():
     for dtype in (jnp.float32, jnp.float64):
         predictor = Predictor(jnp.full(1, 10.0, dtype), jnp.full(1, 10.0, dtype))
         system = SampledTracking(Scalar(dtype(5.0)), predictor, 10)
-        state = rollout(system, system.initial_state(dtype(0.5)), step=STEP, steps=60).state
+        state = rolled(system, (dtype(0.5),), STEP, 60).state
         assert {leaf.dtype for leaf in jax.tree.leaves(state)} == {jnp.dtype(dtype)}
         found.append(float(state.x[0]))
     assert found[0] == pytest.approx(found[1], rel=1e-4)
@@ -160,7 +166,7 @@ def test_derivatives_of_roots_against_differences():
         differences = [
             (evaluate(p * (1 + move * e)) - evaluate(p * (1 - move * e))) / (2 * move * q) for e, q in zip(np.eye(3), p)
         ]
-        np.testing.assert_allclose(jax.grad(function)(p), differences, rtol=1e-6, atol=1e-7)
+        np.testing.assert_allclose(jax.jit(jax.grad(function))(p), differences, rtol=1e-6, atol=1e-7)
 
 
 def test_the_published_gains_do_not_meet_the_condition_on_beta():

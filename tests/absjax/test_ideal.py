@@ -1,4 +1,4 @@
-"""No controller beats the ideal stop: thousands of random sets of every controller, on constant and changing roads."""
+"""No controller beats the ideal stop: a thousand random sets of every controller, on constant and changing roads."""
 
 import jax
 import jax.numpy as jnp
@@ -24,7 +24,7 @@ from absjax.tyres.burckhardt import Burckhardt
 from absjax.tyres.surfaces import SURFACES
 from tests.attack.stops import random_controller
 
-SETS, END = 2000, 3.0
+SETS, END = 1000, 3.0
 CONTROLLERS = (
     FivePhase,
     AccelerationTracking,

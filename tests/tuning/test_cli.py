@@ -115,8 +115,9 @@ def test_tune_observer_on_a_log_prints_the_certificate_and_can_go_on(tmp_path):
 
 
 def test_encoder_takes_a_log(tmp_path):
-    done = run("encoder", DATA / "encoder_edges.csv", "--out", tmp_path, "--harmonics", "5")
-    assert done.returncode == 0, done.stdout + done.stderr
+    command = ["encoder", str(DATA / "encoder_edges.csv"), "--out", str(tmp_path), "--harmonics", "5"]
+    done = CliRunner().invoke(app, command)
+    assert done.exit_code == 0, done.output
     result = json.loads((tmp_path / "result.json").read_text())
     assert len(result["coefficients"]["speed"]) == 10 and len(result["tooth_errors"]) == 60
     assert (tmp_path / "wheel_speed.csv").read_text().startswith("time_s,wheel_speed_rad_s,")

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.optimize import curve_fit
+from scipy.optimize import curve_fit, lsq_linear
 
 import tuning
 from absjax.plant.wheel import Wheel
@@ -162,3 +162,21 @@ def test_arrow_fit_against_a_dense_solution():
     solution = np.linalg.lstsq(dense, target.ravel(), rcond=None)[0]
     assert fit.converged
     np.testing.assert_allclose(np.concatenate([fit.shared, fit.own[:, 0]]), solution, rtol=1e-6, atol=1e-9)
+
+
+def test_arrow_fit_on_bounds_is_the_bounded_solution_within_few_steps():
+    """Alike parameters, as a car's are: those off their bounds have to know of those that stay there."""
+    rng = np.random.default_rng(2)
+    matrix = rng.normal(size=(4, 30, 1)) + 0.1 * rng.normal(size=(4, 30, 4))
+    target = matrix @ np.array([1.0, -2.0, 3.0, -0.5]) + 0.1 * rng.normal(size=(4, 30))
+
+    def evaluate(shared, own):
+        return matrix @ shared - target, matrix, np.zeros((4, 30, 0))
+
+    lower = np.array([-np.inf, 0.0, 0.0, 0.0])
+    fit = arrow_fit(evaluate, np.ones(4), np.zeros((4, 0)), lower=lower)
+    bounded = lsq_linear(matrix.reshape(-1, 4), target.ravel(), (lower, np.inf), tol=1e-14)
+    assert np.any(bounded.active_mask) and fit.converged and fit.iterations < 10
+    np.testing.assert_allclose(fit.shared, bounded.x, rtol=1e-6, atol=1e-9)
+    fit = arrow_fit(evaluate, np.full(4, 9.0), np.zeros((4, 0)), lower=np.full(4, 9.0))
+    assert fit.converged and list(fit.shared) == [9.0] * 4

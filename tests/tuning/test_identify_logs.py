@@ -2,6 +2,7 @@
 
 import collections
 import dataclasses
+import functools
 from itertools import pairwise
 
 import numpy as np
@@ -35,6 +36,52 @@ LOGGING = Logging(duration=1.6)
 STOP = Stop(speed=33.3, logging=LOGGING)
 
 
+RANDOM = random_stops(8, seed=11)
+OFF = {
+    "radius": (Car(radius=0.306), {}, 0.306),
+    "brake_efficiency": (Car(brake_efficiency=14.0), {}, 14.0),
+    "pressure_zero": (Car(), {"brake_pressure": {"bias": 8.0}}, 8.0),
+    "speed_delay": (Car(), {"vehicle_speed": {"delay": 0.1}}, 0.1),
+    "acceleration_bias": (Car(), {"acceleration": {"bias": 0.6}}, 0.6),
+}
+
+
+def off(quantity):
+    car, channels, _ = OFF[quantity]
+    sensors = Sensors()
+    for name, changes in channels.items():
+        sensors = dataclasses.replace(sensors, **{name: dataclasses.replace(getattr(sensors, name), **changes)})
+    return dataclasses.replace(STOP, car=car, logging=dataclasses.replace(LOGGING, sensors=sensors, declared=Car()))
+
+
+LAGGING = dataclasses.replace(STOP, brake=Brake(lag=0.004))
+WIDER = dataclasses.replace(STOP, car=Car(radius=0.303), logging=dataclasses.replace(LOGGING, declared=Car()))
+SLOW = dataclasses.replace(STOP, logging=dataclasses.replace(LOGGING, sensors=Sensors().gps()))
+TWO_AXLES = dataclasses.replace(
+    on_two_axles(dataclasses.replace(STOP, speed=30.0)),
+    logging=Logging((*LOGGING.columns, "load"), duration=1.6),
+)
+SWEEP = RigSweep(slip=(-0.5, 0.3), logging=Logging(("wheel_speed", "vehicle_speed", "force", "load"), duration=3.0))
+RIG = dataclasses.replace(
+    STOP,
+    rig=True,
+    speed=18.0,
+    logging=Logging(("wheel_speed", "vehicle_speed", "brake_pressure", "force"), duration=3.0),
+)
+ONE_CAR = [
+    dataclasses.replace(STOP, car=Car(radius=0.303, brake_efficiency=16.0), logging=logging)
+    for logging in (dataclasses.replace(LOGGING, duration=0.35, declared=Car()), LOGGING)
+]
+BRIEF = dataclasses.replace(STOP, logging=Logging(duration=0.6))
+SCENARIOS = [*RANDOM, *map(off, OFF), STOP, LAGGING, WIDER, SLOW, TWO_AXLES, SWEEP, RIG, *ONE_CAR, BRIEF]
+
+
+@functools.cache
+def records():
+    """Of all of them, simulated side by side, which takes as long as one."""
+    return dict(zip(SCENARIOS, simulate(SCENARIOS)))
+
+
 def log_of(record, folder, **columns) -> BrakeLog:
     path = folder / "log.csv"
     record.write_csv(path)
@@ -47,8 +94,7 @@ def folder(tmp_path_factory):
 
 
 def identified(stop, folder, car=None, change=lambda log: log):
-    (record,) = simulate([stop])
-    return identify(change(log_of(record, folder)), car), record.truth
+    return identify(change(log_of(records()[stop], folder)), car)
 
 
 def inside(segment, surface) -> list[bool]:
@@ -68,9 +114,10 @@ def said(result, *words):
 
 
 def test_random_stops_of_a_known_car(folder):
-    records = [record for record in simulate(random_stops(8, seed=11)) if not record.truth.locks]
     held = collections.defaultdict(list)
-    for record in records:
+    for record in map(records().get, RANDOM):
+        if record.truth.locks:
+            continue
         result = identify(log_of(record, folder))
         assert result.verdict == "sound" and not result.reasons
         assert len(result.segments) == len(record.truth.surfaces)
@@ -88,23 +135,9 @@ def test_random_stops_of_a_known_car(folder):
         assert sum(holds) >= count - 3, (name, holds)
 
 
-OFF = {
-    "radius": (Car(radius=0.306), {}, 0.306),
-    "brake_efficiency": (Car(brake_efficiency=14.0), {}, 14.0),
-    "pressure_zero": (Car(), {"brake_pressure": {"bias": 8.0}}, 8.0),
-    "speed_delay": (Car(), {"vehicle_speed": {"delay": 0.1}}, 0.1),
-    "acceleration_bias": (Car(), {"acceleration": {"bias": 0.6}}, 0.6),
-}
-
-
 @pytest.mark.parametrize("quantity", OFF)
 def test_a_quantity_that_is_not_as_known_is_found_and_said(quantity, folder):
-    car, channels, true = OFF[quantity]
-    sensors = Sensors()
-    for name, changes in channels.items():
-        sensors = dataclasses.replace(sensors, **{name: dataclasses.replace(getattr(sensors, name), **changes)})
-    logging = dataclasses.replace(LOGGING, sensors=sensors, declared=Car())
-    result, _ = identified(dataclasses.replace(STOP, car=car, logging=logging), folder)
+    result, true = identified(off(quantity), folder), OFF[quantity][2]
     dry(result)
     said(result, quantity.replace("_", " "))
     found = result.quantities[quantity]
@@ -112,14 +145,14 @@ def test_a_quantity_that_is_not_as_known_is_found_and_said(quantity, folder):
 
 
 def test_pressure_before_a_lag(folder):
-    result, _ = identified(dataclasses.replace(STOP, brake=Brake(lag=0.004)), folder)
+    result = identified(LAGGING, folder)
     dry(result)
     said(result, "pressure lag")
     assert result.quantities["pressure_lag"].value == pytest.approx(0.004, abs=2e-4)
 
 
 def test_pressure_in_another_unit_is_suspected(folder):
-    result, _ = identified(
+    result = identified(
         STOP, folder, change=lambda log: dataclasses.replace(log, brake_pressure=0.1 * log.brake_pressure)
     )
     dry(result)
@@ -127,27 +160,21 @@ def test_pressure_in_another_unit_is_suspected(folder):
 
 
 def test_what_the_car_file_says_of_its_own_precision_is_used(folder):
-    stop = dataclasses.replace(STOP, car=Car(radius=0.303), logging=dataclasses.replace(LOGGING, declared=Car()))
-    result, _ = identified(stop, folder, car_from({"radius": {"value": 0.3, "sd": 0.003}}))
+    result = identified(WIDER, folder, car_from({"radius": {"value": 0.3, "sd": 0.003}}))
     dry(result)
     assert result.verdict == "sound"
     assert result.quantities["radius"].value == pytest.approx(0.303, rel=1e-3)
 
 
 def test_a_slow_and_late_speed_comes_from_the_acceleration(folder):
-    result, _ = identified(
-        dataclasses.replace(STOP, logging=dataclasses.replace(LOGGING, sensors=Sensors().gps())), folder
-    )
+    result = identified(SLOW, folder)
     dry(result, within=0.01)
     assert result.quantities["speed_delay"].value == pytest.approx(0.1, abs=0.02)
     assert any("comes from the acceleration" in note for note in result.notes)
 
 
 def test_load_transfer_is_reckoned_logged_or_refuted(folder):
-    stop = on_two_axles(dataclasses.replace(STOP, speed=30.0, logging=Logging(duration=2.0)))
-    stop = dataclasses.replace(stop, logging=Logging((*stop.logging.columns, "load"), duration=2.0))
-    (record,) = simulate([stop])
-    log = log_of(record, folder)
+    log = log_of(records()[TWO_AXLES], folder)
     wheel = {"load": 4280.0, "brake_efficiency": 40.0}
     place = {"wheelbase": 2.7, "cg_height": 0.55, "cg_to_front": 2.7 * 3080 / (3080 + 4280), "axle": "front"}
     without = dataclasses.replace(log, load=None)
@@ -160,8 +187,7 @@ def test_load_transfer_is_reckoned_logged_or_refuted(folder):
 
 
 def test_a_sweep_that_drives_and_brakes_has_two_curves(folder):
-    sweep = RigSweep(slip=(-0.5, 0.3), logging=Logging(("wheel_speed", "vehicle_speed", "force", "load"), duration=3.0))
-    result, _ = identified(sweep, folder, Wheel())
+    result = identified(SWEEP, folder, Wheel())
     assert [segment.side for segment in result.segments] == ["braking", "driving"]
     for segment in result.segments:
         assert segment.peak_friction == pytest.approx(DRY.peak_friction, rel=0.01)
@@ -171,29 +197,20 @@ def test_a_sweep_that_drives_and_brakes_has_two_curves(folder):
     "factor, zero, verdict, words", [(1e-3, 0.0, "refuted", "kN"), (1.0, 300.0, "doubtful", "force zero")]
 )
 def test_force_is_held_against_brake_torque(factor, zero, verdict, words, folder):
-    stop = dataclasses.replace(
-        STOP,
-        rig=True,
-        speed=18.0,
-        logging=Logging(("wheel_speed", "vehicle_speed", "brake_pressure", "force"), duration=3.0),
-    )
-    result, _ = identified(stop, folder, change=lambda log: dataclasses.replace(log, force=factor * log.force + zero))
+    result = identified(RIG, folder, change=lambda log: dataclasses.replace(log, force=factor * log.force + zero))
     assert result.verdict == verdict and any(words in reason for reason in result.reasons)
     if verdict == "doubtful":
         assert result.segments[0].peak_friction == pytest.approx(DRY.peak_friction, rel=0.02)
 
 
 def test_friction_from_deceleration_needs_neither_pressure_nor_load(folder):
-    result, _ = identified(STOP, folder, change=lambda log: dataclasses.replace(log, brake_pressure=None))
+    result = identified(STOP, folder, change=lambda log: dataclasses.replace(log, brake_pressure=None))
     dry(result, within=0.01)
     assert result.segments[0].method == "curve fit"
 
 
 def test_logs_of_one_car_tell_each_other_of_it(folder):
-    short = dataclasses.replace(LOGGING, duration=0.35, declared=Car())
-    true = Car(radius=0.303, brake_efficiency=16.0)
-    stops = [dataclasses.replace(STOP, car=true, logging=log) for log in (short, LOGGING)]
-    logs = [log_of(record, folder) for record in simulate(stops)]
+    logs = [log_of(records()[stop], folder) for stop in ONE_CAR]
     car = car_from({"radius": {"value": 0.3, "sd": 0.006}, "brake_efficiency": {"value": 17.5, "sd": 2.0}})
     alone, (first, second) = identify(logs[0], car), identify_together(logs, car)
     assert first.quantities["brake_efficiency"].spread < 0.5 * alone.quantities["brake_efficiency"].spread
@@ -245,8 +262,7 @@ def test_lag_against_a_fine_integration():
 
 @pytest.mark.parametrize("imposed", [False, True])
 def test_derivatives_of_the_residuals_against_differences(imposed, folder):
-    (record,) = simulate([dataclasses.replace(STOP, logging=Logging(duration=0.6))])
-    log = log_of(record, folder)
+    log = log_of(records()[BRIEF], folder)
     share = np.linspace(1.0, 1.2, len(log.time)) if imposed else None
     problem = shooting(Curve(Burckhardt), log, [np.ones(len(log.time), bool)], 0.3, share, middle=0.3)
     evaluate, own = problem.evaluate(1), problem.start()

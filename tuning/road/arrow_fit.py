@@ -87,7 +87,7 @@ def arrow_fit(
         evaluate: `(shared, own) -> residual (lanes, n), d/d shared (lanes, n, p), d/d own (lanes, n, q)`.
         shared: start (p,).
         own: start (lanes, q); q may be 0.
-        lower: lower bounds (p,); a step that would pass one ends on it.
+        lower: lower bounds (p,); a step that would pass one ends on it, and the other parameters' with it.
         prior: what is known of the shared parameters.
 
     Returns:
@@ -105,9 +105,8 @@ def arrow_fit(
         matrix, vector, own_inverse, cross, own_vector = _reduced(residual, by_shared, by_own, damping)
         matrix = matrix + np.diag(prior.information)
         vector = vector + prior.residual(shared) / prior.spread
-        step = -_solved(matrix, vector, damping)
+        step = _bounded(matrix, vector, damping, lower - shared)
         trial_shared = np.maximum(shared + step, lower)
-        step = trial_shared - shared
         own_step = -np.einsum("lij,lj->li", own_inverse, own_vector + np.einsum("lpj,p->lj", cross, step))
         trial = evaluate(trial_shared, own + own_step)
         trial_cost = _cost(trial[0], trial_shared, prior)
@@ -132,6 +131,18 @@ def _moderate(*slopes: np.ndarray) -> bool:
 def _cost(residual, shared, prior: Prior) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
         return float(np.sum(residual**2) + np.sum(prior.residual(shared) ** 2))
+
+
+def _bounded(matrix, vector, damping, least):
+    """The step of the damped system. What it would take below `least` ends there, and the others step knowing that."""
+    step, held = -_solved(matrix, vector, damping), np.zeros(len(vector), bool)
+    while np.any(beyond := ~held & (step < least)):
+        held |= beyond
+        free = ~held
+        step[held] = least[held]
+        known = vector[free] + matrix[np.ix_(free, held)] @ step[held]
+        step[free] = -_solved(matrix[np.ix_(free, free)], known, damping)
+    return step
 
 
 def _solved(matrix, vector, damping):
