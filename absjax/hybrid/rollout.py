@@ -102,6 +102,11 @@ class Rollout(NamedTuple):
         return self
 
 
+def _spare(steps: int) -> int:
+    """Iterations a lane may spend on parts of grid steps."""
+    return steps // 2
+
+
 def _as_float(dtype):
     def cast(leaf):
         return leaf if jnp.issubdtype(jnp.result_type(leaf), jnp.integer) else jnp.asarray(leaf, dtype)
@@ -173,7 +178,7 @@ def rollout(
     dtype = jnp.result_type(*(jnp.asarray(leaf).dtype for leaf in jax.tree.leaves(state)), jnp.float32)
     cast = _as_float(dtype)
     system, state = jax.tree.map(cast, system), jax.tree.map(cast, state)
-    whole = (jnp.asarray(number, jnp.int32) for number in (steps, max_events))
+    whole = (jnp.asarray(number, jnp.int32) for number in (steps, max_events, _spare(int(steps))))
     grid = Grid(jnp.asarray(start, dtype), jnp.asarray(step, dtype), *whole)
     mode = jnp.asarray(mode, jnp.int32)
     return _rollout(
@@ -201,7 +206,7 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
     state, mode = jax.tree.map(lambda leaf, axis: spread(leaf, axis < 0), (state, mode), lane_axes((state, mode)))
 
     smooth = not jax.eval_shape(lambda: _one_lane_guards(system, axes, state, grid))
-    iterations = steps if smooth else steps + 5 * max_events
+    iterations = steps if smooth else steps + 5 * max_events + _spare(steps)
     length = min(SEGMENT, iterations)
     segments = -(-iterations // length)
     words = sum(leaf.size for leaf in jax.tree.leaves(state)) // lanes + 4
