@@ -104,7 +104,7 @@ class Rollout(NamedTuple):
 
 def _spare(steps: int) -> int:
     """Iterations a lane may spend on parts of grid steps."""
-    return steps // 2
+    return SEGMENT + steps // 2
 
 
 def _as_float(dtype):
@@ -224,10 +224,11 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
             )
         ended = (final.mode < 0) | (final.index >= steps)
         at_end = jnp.where(final.mode < 0, Status.FINISHED, jnp.where(ended, Status.COMPLETED, Status.BUDGET_EXHAUSTED))
+        too_fast = (final.strain > LARGEST_STRAIN) | (final.spent >= _spare(steps))
         status = jnp.where(
             final.mode == DIVERGED,
             Status.DIVERGED,
-            jnp.where(ended & (final.strain > LARGEST_STRAIN), Status.STEP_TOO_LARGE, at_end),
+            jnp.where(ended & too_fast, Status.STEP_TOO_LARGE, at_end),
         ).astype(jnp.int32)
         time = _step.time_of(grid, final)
         return Rollout(time, final.state, final.mode, status, final.events, final.grazes, final.strain, *kept)
