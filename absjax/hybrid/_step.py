@@ -6,7 +6,8 @@ Every iteration takes one Runge-Kutta step per lane, of a size that depends on w
   will land on the crossing instead.
 * PART: the same over a part of the way, where the flow is too fast for the whole. A step whose local error is above
   `LARGEST_SHARE` of the state is rejected and halved; the parts grow again as errors allow. A lane has `Grid.spare`
-  iterations for that, and takes the steps as they are after them.
+  iterations for that, and takes steps as they are from then on. For x' = s x parts are those with |h s| below 1 or so,
+  where x at the end of a step rises and falls with its size: landings converge, and nothing is crossed by overshooting.
 * LANDING to LAST_LANDING: to where the guard's Hermite interpolant is zero, only to see how far that misses; the lane
   keeps its place, and the step is corrected by -g / g'. A landing that misses by more than `LANDING_TOLERANCE` grid
   steps is tried again. The first time g' is the rate of the guard along the flow; from then on it is the slope of the
@@ -370,7 +371,7 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
     held = ~(active & finite)
     share = lax.cond(
         jnp.any(lanes.doing <= NORMAL),
-        lambda before, *after: _share(before, *after, step, tile.scales(before)),
+        lambda before, after, last, slope: _share(before, after, last, slope, step, tile.scales(before)),
         lambda *_: jnp.zeros_like(step),
         *(lanes.state, reached, last, there.slope),
     )

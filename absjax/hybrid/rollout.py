@@ -55,7 +55,8 @@ class Rollout(NamedTuple):
         events: switchings made.
         grazes: switchings whose guard only touched zero: no derivative of the instant is taken there.
         strain: local errors of the steps, each as a share of the state, added up with the weight the system gives them
-            (`importance`): an estimate. Above `LARGEST_STRAIN` the lane counts as `Status.STEP_TOO_LARGE`.
+            (`importance`): an estimate. Above `LARGEST_STRAIN` the lane counts as `Status.STEP_TOO_LARGE`, and so does
+            one that would take more parts of steps than it may.
         trajectory: grid points, if asked for.
         switches: log of the switchings, if asked for.
     """
@@ -103,7 +104,7 @@ class Rollout(NamedTuple):
 
 
 def _spare(steps: int) -> int:
-    """Iterations a lane may spend on parts of grid steps."""
+    """Iterations a lane may spend on parts of grid steps: 9 of 10 random stops to walking pace need a quarter of it."""
     return SEGMENT + steps // 2
 
 
@@ -129,6 +130,8 @@ def rollout(
     tile: int | None = None,
 ) -> Rollout:
     """Roll a hybrid system out over `steps` grid steps, every switching located inside its step.
+
+    A step over which the flow of a system that switches is too fast is taken in parts (`absjax.hybrid._step`).
 
     One lane or an ensemble: wherever `system`, `state` or `mode` has a leaf with one leading axis more
     than a single lane needs, that axis counts lanes (`absjax.lanes.lane_axes`); other leaves are
