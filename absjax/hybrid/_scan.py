@@ -61,7 +61,9 @@ def _segment(system_axes, plan: Plan):
                 jumped = ~kept & (before.doing >= _step.CROSSING)
                 arrived = ~kept & (before.doing == _step.NORMAL)
                 record = Record(after.state, after.left, after.index, before.mode, after.mode, arrived, jumped)
-            decisions = before._replace(local=None, landed_before=None, missed_before=None, strain=None)
+            decisions = before._replace(
+                local=None, landed_before=None, missed_before=None, strain=None, pace=None, spent=None
+            )
             trace = (decisions, kept) if keep_trace else None
             return after, (record, trace)
 

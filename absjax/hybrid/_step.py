@@ -4,6 +4,10 @@ Every iteration takes one Runge-Kutta step per lane, of a size that depends on w
 
 * NORMAL: to the next grid point. If a guard has crossed on the way the step is rejected, and the lane
   will land on the crossing instead.
+* PART: the same over a part of the way, where the flow is too fast for the whole. A step whose local error is above
+  `LARGEST_SHARE` of the state is rejected and halved; the parts grow again as errors allow. A lane has `Grid.spare`
+  iterations for that, and takes steps as they are from then on. For x' = s x parts are those with |h s| below 1 or so,
+  where x at the end of a step rises and falls with its size: landings converge, and nothing is crossed by overshooting.
 * LANDING to LAST_LANDING: to where the guard's Hermite interpolant is zero, only to see how far that misses; the lane
   keeps its place, and the step is corrected by -g / g'. A landing that misses by more than `LANDING_TOLERANCE` grid
   steps is tried again. The first time g' is the rate of the guard along the flow; from then on it is the slope of the
@@ -33,21 +37,29 @@ from absjax.hybrid._locate import Ends
 from absjax.lanes import mapped
 from absjax.results import DIVERGED
 
-NORMAL, LANDING, LATE_LANDING, LAST_LANDING, CROSSING, TOUCHING, IMMEDIATE = 0, 1, 6, 12, 13, 14, 15
+PART, NORMAL, LANDING, LATE_LANDING, LAST_LANDING, CROSSING, TOUCHING, IMMEDIATE = -1, 0, 1, 6, 12, 13, 14, 15
 LANDING_TOLERANCE = 1e-5
 LATE_TOLERANCE = 1e-4
 """From LATE_LANDING on: what is still further off is no rounding, but a flow too stiff for the tries before."""
+LARGEST_SHARE = 1e-4
+"""Local error, as a share of the state, above which a step is halved."""
+GROWTH = 32.0
+"""How far below it an error has to be for the next step to be twice as long: the error goes with its fourth power."""
+SMALLEST_PART = 1 / 128
+"""of a grid step that is made"""
 SECANT_SHORTEST = 1e-6
 """Landings nearer to each other than this share of a grid step have no secant: rounding is in the way."""
 
 
 class Grid(NamedTuple):
-    """The time grid, `start + index * step`, and how many switchings a lane may make on it."""
+    """The time grid, `start + index * step`, how many switchings a lane may make on it, and how many
+    iterations more than those of the grid its parts may take."""
 
     start: jax.Array
     step: jax.Array
     steps: jax.Array
     max_events: jax.Array
+    spare: jax.Array
 
 
 class Local(NamedTuple):
@@ -76,6 +88,10 @@ class Lanes(NamedTuple):
     grazes: jax.Array
     strain: jax.Array
     """local errors of the steps so far, added up; each as a share of the state"""
+    pace: jax.Array
+    """longest step to try, s"""
+    spent: jax.Array
+    """iterations on parts of grid steps"""
     local: Local
 
 
@@ -145,7 +161,7 @@ def enter(tile: Tile, grid: Grid, state, mode) -> Lanes:
     doing = jnp.where(opened, IMMEDIATE, NORMAL).astype(jnp.int32)
     left = jnp.broadcast_to(grid.step, mode.shape)
     none = jnp.zeros_like(left)
-    return Lanes(zero, left, state, mode, doing, none, none, none, slot, zero, zero, none, here)
+    return Lanes(zero, left, state, mode, doing, none, none, none, slot, zero, zero, none, left, zero, here)
 
 
 def is_active(grid: Grid, lanes: Lanes):
@@ -194,6 +210,7 @@ class Decision(NamedTuple):
     missed: jax.Array
     """guard at the end of a landing"""
     grazed: jax.Array
+    pace: jax.Array
 
 
 def _left_behind(grid: Grid, lanes: Lanes, here: Local, i: int):
@@ -209,16 +226,16 @@ def _arrived_at(grid: Grid, lanes: Lanes, here: Local, slot):
     return (lanes.doing >= CROSSING) & (rate > 0) & (guard <= LANDING_TOLERANCE * grid.step * rate)
 
 
-def _decide(grid: Grid, lanes: Lanes, held, there: Local, here: Local, step) -> Decision:
-    """The decision when some lane of the tile may have crossed, lands, or jumps."""
-    normal = lanes.doing == NORMAL
+def _decide(grid: Grid, lanes: Lanes, held, coarse, share, there: Local, here: Local, step) -> Decision:
+    """The decision when some lane of the tile may have crossed, lands, jumps, or takes parts of a step."""
+    normal = lanes.doing <= NORMAL
     crossed, target = lax.cond(
         jnp.any(_humps_possible(lanes, there, step, normal) & ~held),
         partial(_crossing, humps=True),
         partial(_crossing, humps=False),
         *(grid, lanes, there, step, normal),
     )
-    crossed = crossed & (lanes.doing <= LANDING) & ~held
+    crossed = crossed & (lanes.doing <= LANDING) & ~held & ~coarse
     rejected, target, fraction, grazing = lax.cond(
         jnp.any(crossed),
         _land,
@@ -240,14 +257,35 @@ def _decide(grid: Grid, lanes: Lanes, held, there: Local, here: Local, step) -> 
     at_once = opened & _arrived_at(grid, lanes, here, open_slot)
     doing = jnp.where(trying, landed, jnp.where(at_once, CROSSING, jnp.where(opened, IMMEDIATE, NORMAL)))
     slot = jnp.where(trying, lanes.slot, open_slot)
+    kept = held | rejected | trying | coarse
+    doing = jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), jnp.where(coarse, NORMAL, doing))
+    pace, part = _parted(grid, lanes, kept, coarse, share, step)
+    doing = jnp.where((doing == NORMAL) & (part > 0), PART, doing)
     return Decision(
-        kept=held | rejected | trying,
-        doing=jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), doing).astype(jnp.int32),
+        kept=kept,
+        doing=doing.astype(jnp.int32),
         slot=jnp.where(rejected, target, slot).astype(jnp.int32),
-        landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, 0.0)),
+        landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, jnp.where(doing == PART, part, 0.0))),
         missed=jnp.where(trying, miss, lanes.missed_before),
         grazed=jnp.where(rejected, grazing, trying & ~sound),
+        pace=pace,
     )
+
+
+def _is_coarse(grid: Grid, lanes: Lanes, share, step):
+    """Whether a step is too long for the flow, and may be halved."""
+    fast = (lanes.doing <= NORMAL) & (share > LARGEST_SHARE)
+    return fast & (step > SMALLEST_PART * grid.step) & (lanes.spent < grid.spare)
+
+
+def _parted(grid: Grid, lanes: Lanes, kept, coarse, share, step):
+    """Longest step to try next, and the part of the way to the next grid point that it is; 0 for the whole."""
+    eased = (lanes.doing <= NORMAL) & ~kept & (share < LARGEST_SHARE / GROWTH)
+    pace = jnp.where(coarse, 0.5 * step, jnp.where(eased, 2 * lanes.pace, lanes.pace))
+    pace = jnp.minimum(pace, grid.step)
+    ahead = jnp.where(kept, lanes.left, jnp.where(lanes.doing == NORMAL, grid.step, lanes.left - step))
+    parts = jnp.ceil((1 - LANDING_TOLERANCE) * ahead / pace)
+    return pace, jnp.where((parts > 1) & (lanes.spent < grid.spare), ahead / jnp.maximum(parts, 1.0), 0.0)
 
 
 def _humps_possible(lanes: Lanes, there: Local, step, normal):
@@ -294,7 +332,7 @@ def _finite(tree):
     return jnp.isfinite(sum(leaf if leaf.ndim == 1 else leaf.sum(axis=range(1, leaf.ndim)) for leaf in leaves))
 
 
-def _strain(state, reached, last, slope, step, scales):
+def _share(state, reached, last, slope, step, scales):
     """Local error of a step as a share of the state, that of the worst of its numbers.
 
     What the last of the four slopes, k4, is off the slope at the end of the step, f(x1), makes h/6 (k4 - f(x1)) of it.
@@ -331,21 +369,28 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
         there = tile.local(time, reached, reached_mode)
     finite = _finite((state, here.slope))
     held = ~(active & finite)
+    share = lax.cond(
+        jnp.any(lanes.doing <= NORMAL),
+        lambda before, after, last, slope: _share(before, after, last, slope, step, tile.scales(before)),
+        lambda *_: jnp.zeros_like(step),
+        *(lanes.state, reached, last, there.slope),
+    )
+
+    def calm(grid, lanes, held, *_):
+        return Decision(held, lanes.doing, lanes.slot, lanes.landing, lanes.missed_before, held & ~held, lanes.pace)
+
     if here.guards:
         busy = lanes.doing != NORMAL
         for i in range(len(here.guards)):
             busy = busy | _locate.may_cross(_ends(lanes, there, step, i)) | (here.guards[i] >= 0)
-
-        def calm(grid, lanes, held, *_):
-            return Decision(held, lanes.doing, lanes.slot, lanes.landing, lanes.missed_before, held & ~held)
-
-        decision = lax.cond(jnp.any(busy), _decide, calm, grid, lanes, held, there, here, step)
+        coarse = _is_coarse(grid, lanes, share, step) & ~held
+        busy = busy | coarse | ((lanes.pace < grid.step) & ~held)
+        decision = lax.cond(jnp.any(busy), _decide, calm, grid, lanes, held, coarse, share, there, here, step)
     else:
-        decision = Decision(held, lanes.doing, lanes.slot, lanes.landing, lanes.missed_before, held & ~held)
+        coarse, decision = held & ~held, calm(grid, lanes, held)
     kept = decision.kept
-    accepted = (lanes.doing == NORMAL) & ~kept
-    strain = _strain(lanes.state, reached, last, there.slope, step, tile.scales(lanes.state))
-    strain = strain * tile.importance(time, state, mode)
+    arrived, moved = (lanes.doing == NORMAL) & ~kept, (lanes.doing <= NORMAL) & ~kept
+    strain = share * tile.importance(time, state, mode)
     failed = active & ~finite
     before, after = (lanes.state, lanes.local), (state, here)
     if here.guards:
@@ -353,8 +398,8 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
     else:
         state, local = lax.cond(jnp.any(kept), tree_where, lambda kept, old, new: new, kept, before, after)
     following = Lanes(
-        index=lanes.index + accepted,
-        left=jnp.where(accepted, grid.step, jnp.where(kept, lanes.left, lanes.left - step)),
+        index=lanes.index + arrived,
+        left=jnp.where(arrived, grid.step, jnp.where(kept, lanes.left, lanes.left - step)),
         state=state,
         mode=jnp.where(kept, jnp.where(failed, DIVERGED, lanes.mode), mode),
         doing=jnp.where(active, decision.doing, lanes.doing),
@@ -364,7 +409,9 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
         slot=decision.slot,
         events=lanes.events + (~kept & (lanes.doing >= CROSSING)),
         grazes=lanes.grazes + (active & decision.grazed),
-        strain=lanes.strain + jnp.where(accepted, strain, 0.0),
+        strain=lanes.strain + jnp.where(moved, strain, 0.0),
+        pace=decision.pace,
+        spent=lanes.spent + (coarse | (active & (lanes.doing == PART))),
         local=local,
     )
     return following, kept

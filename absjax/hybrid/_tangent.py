@@ -3,6 +3,7 @@
 With x(h) the Runge-Kutta step of size h from the lane's place, and g(h) the guard at its end,
 
     d x1 = dx|h + x_h dh,    dh = d(left)       for a step to the next grid point
+                             dh = h d(left) / left   for a step over a part of the way there
                              dh = -dg|h / g_h   for a step that ends on a guard
 
 where |h is the derivative at fixed h. The second is the implicit function theorem for g(h) = 0, with
@@ -17,7 +18,7 @@ import jax.numpy as jnp
 from jax import lax
 
 from absjax._numerics import per_lane, pick, rk4_step, safe_divide, tree_where
-from absjax.hybrid._step import CROSSING, NORMAL, Grid, Lanes, Tile, step_of, time_of
+from absjax.hybrid._step import CROSSING, NORMAL, PART, Grid, Lanes, Tile, step_of, time_of
 
 
 def tangent(
@@ -56,7 +57,9 @@ def tangent(
     if switches:
         _, (by_step, guard_by_step) = jax.jvp(lambda h: end(*at, h), (step,), (jnp.ones_like(step),))
         sound = (lanes.doing == CROSSING) & (guard_by_step > 0) & ~kept
-        d_step = jnp.where(normal & ~kept, d_left, safe_divide(-d_guard, guard_by_step, sound))
+        share = safe_divide(step, lanes.left, lanes.doing == PART, 1.0)
+        onward = (lanes.doing <= NORMAL) & ~kept
+        d_step = jnp.where(onward, share * d_left, safe_divide(-d_guard, guard_by_step, sound))
         d_end = jax.tree.map(lambda d, rate: d + rate * per_lane(d_step, rate), d_end, by_step)
 
     def transition(function, applies, state, d_state):

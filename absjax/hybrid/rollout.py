@@ -55,7 +55,8 @@ class Rollout(NamedTuple):
         events: switchings made.
         grazes: switchings whose guard only touched zero: no derivative of the instant is taken there.
         strain: local errors of the steps, each as a share of the state, added up with the weight the system gives them
-            (`importance`): an estimate. Above `LARGEST_STRAIN` the lane counts as `Status.STEP_TOO_LARGE`.
+            (`importance`): an estimate. Above `LARGEST_STRAIN` the lane counts as `Status.STEP_TOO_LARGE`, and so does
+            one that would take more parts of steps than it may.
         trajectory: grid points, if asked for.
         switches: log of the switchings, if asked for.
     """
@@ -102,6 +103,11 @@ class Rollout(NamedTuple):
         return self
 
 
+def _spare(steps: int) -> int:
+    """Iterations a lane may spend on parts of grid steps: 9 of 10 random stops to walking pace need a quarter of it."""
+    return SEGMENT + steps // 2
+
+
 def _as_float(dtype):
     def cast(leaf):
         return leaf if jnp.issubdtype(jnp.result_type(leaf), jnp.integer) else jnp.asarray(leaf, dtype)
@@ -124,6 +130,8 @@ def rollout(
     tile: int | None = None,
 ) -> Rollout:
     """Roll a hybrid system out over `steps` grid steps, every switching located inside its step.
+
+    A step over which the flow of a system that switches is too fast is taken in parts (`absjax.hybrid._step`).
 
     One lane or an ensemble: wherever `system`, `state` or `mode` has a leaf with one leading axis more
     than a single lane needs, that axis counts lanes (`absjax.lanes.lane_axes`); other leaves are
@@ -173,7 +181,7 @@ def rollout(
     dtype = jnp.result_type(*(jnp.asarray(leaf).dtype for leaf in jax.tree.leaves(state)), jnp.float32)
     cast = _as_float(dtype)
     system, state = jax.tree.map(cast, system), jax.tree.map(cast, state)
-    whole = (jnp.asarray(number, jnp.int32) for number in (steps, max_events))
+    whole = (jnp.asarray(number, jnp.int32) for number in (steps, max_events, _spare(int(steps))))
     grid = Grid(jnp.asarray(start, dtype), jnp.asarray(step, dtype), *whole)
     mode = jnp.asarray(mode, jnp.int32)
     return _rollout(
@@ -201,7 +209,7 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
     state, mode = jax.tree.map(lambda leaf, axis: spread(leaf, axis < 0), (state, mode), lane_axes((state, mode)))
 
     smooth = not jax.eval_shape(lambda: _one_lane_guards(system, axes, state, grid))
-    iterations = steps if smooth else steps + 5 * max_events
+    iterations = steps if smooth else steps + 5 * max_events + _spare(steps)
     length = min(SEGMENT, iterations)
     segments = -(-iterations // length)
     words = sum(leaf.size for leaf in jax.tree.leaves(state)) // lanes + 4
@@ -219,10 +227,11 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
             )
         ended = (final.mode < 0) | (final.index >= steps)
         at_end = jnp.where(final.mode < 0, Status.FINISHED, jnp.where(ended, Status.COMPLETED, Status.BUDGET_EXHAUSTED))
+        too_fast = (final.strain > LARGEST_STRAIN) | (final.spent >= _spare(steps))
         status = jnp.where(
             final.mode == DIVERGED,
             Status.DIVERGED,
-            jnp.where(ended & (final.strain > LARGEST_STRAIN), Status.STEP_TOO_LARGE, at_end),
+            jnp.where(ended & too_fast, Status.STEP_TOO_LARGE, at_end),
         ).astype(jnp.int32)
         time = _step.time_of(grid, final)
         return Rollout(time, final.state, final.mode, status, final.events, final.grazes, final.strain, *kept)

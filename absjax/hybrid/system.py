@@ -25,7 +25,7 @@ class HybridSystem(Protocol):
     It may have `importance(time, state, mode)`, from 1 to 0: how much of an error made now is left in what the rollout
     is for. The local errors that add up to the rollout's strain are weighted with it. And it may have `scales(state)`,
     of the structure of `state`: magnitudes below which errors count as shares of these. A state that rests at zero, as
-    the heave of a body, needs one.
+    the heave of a body or the pressure of a released brake, needs one: else its steps are taken in parts for nothing.
     """
 
     def flow(self, time: jax.Array, state: Any, mode: jax.Array) -> Any:

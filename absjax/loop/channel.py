@@ -3,6 +3,7 @@
 import dataclasses
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from absjax.controllers.base import Controller
@@ -47,6 +48,12 @@ class Channel:
         if self.observer is None:
             return measured
         return measured._replace(stiffness=self.observer.stiffness(state.observer, measured.acceleration_offset))
+
+    def scales(self, state: ChannelState) -> ChannelState:
+        """Those of the brake, if it has any; of all else every share counts."""
+        brake_scales = getattr(self.brake, "scales", None)
+        every = jax.tree.map(lambda leaf: 0.0 * leaf, state)
+        return every if brake_scales is None else every._replace(brake=brake_scales(state.brake))
 
     def switch(self, told: Signals, state: ChannelState, phase, slot) -> tuple[ChannelState, Any, Any]:
         """State, phase, and whether a cycle begins, after the controller's guard `slot` has fired."""

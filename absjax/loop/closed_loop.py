@@ -269,6 +269,10 @@ class ClosedLoop:
         """Share (v / v0)^2 of the distance that is still ahead, with v0 the speed of the first switching."""
         return jnp.minimum((self.plant.speed_of(time, state.plant) / state.memory.control.onset_speed) ** 2, 1.0)
 
+    def scales(self, state: LoopState) -> LoopState:
+        """Those of the channel; of all else every share counts."""
+        return jax.tree.map(lambda leaf: 0.0 * leaf, state).with_channel(self.channel.scales(state.channel))
+
     def flow(self, time, state: LoopState, mode) -> LoopState:
         """d(state)/dt."""
         signals = self.signals(time, state, mode)

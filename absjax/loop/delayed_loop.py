@@ -135,6 +135,10 @@ class DelayedLoop(ClosedLoop):
         """That of the loop."""
         return ClosedLoop.importance(self, time, state.loop, mode)
 
+    def scales(self, state: DelayedState) -> DelayedState:
+        """Those of the loop."""
+        return jax.tree.map(lambda leaf: 0.0 * leaf, state)._replace(loop=ClosedLoop.scales(self, state.loop))
+
     def flow(self, time, state: DelayedState, mode) -> DelayedState:
         """d(state)/dt."""
         loop, arrived = self._told(time, state)

@@ -92,6 +92,10 @@ class SampledLoop:
         """That of the loop."""
         return self.loop.importance(time, state.loop, mode)
 
+    def scales(self, state: SampledState) -> SampledState:
+        """Those of the loop."""
+        return jax.tree.map(lambda leaf: 0.0 * leaf, state)._replace(loop=self.loop.scales(state.loop))
+
     def flow(self, time, state: SampledState, mode) -> SampledState:
         """d(state)/dt under the rate that acts."""
         held = jax.tree.map(lambda _: None, state._replace(sensor=None))

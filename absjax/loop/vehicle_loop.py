@@ -414,8 +414,11 @@ class VehicleLoop:
         return Course(speed, position, Memory(memory.pedal_time, memory.pedal_position, control, worst), longest)
 
     def scales(self, state: VehicleLoopState) -> VehicleLoopState:
-        """Those of the vehicle; of all else every share counts."""
-        return jax.tree.map(lambda leaf: 0.0 * leaf, state)._replace(vehicle=self.vehicle.scales(state.vehicle))
+        """Those of the vehicle and the channels; of all else every share counts."""
+        channels = tuple(channel.scales(own) for channel, own in zip(self.channels, state.channels))
+        return jax.tree.map(lambda leaf: 0.0 * leaf, state)._replace(
+            vehicle=self.vehicle.scales(state.vehicle), channels=channels
+        )
 
     def importance(self, time, state: VehicleLoopState, mode):
         """Share (v / v0)^2 of the distance that is still ahead, with v0 the speed of the first switching."""

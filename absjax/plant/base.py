@@ -74,6 +74,7 @@ class Actuator(Protocol):
     """What a closed loop asks of a brake actuator: a class made by `absjax.parameters.model`.
 
     Its state is a NamedTuple of float scalars with a field `commanded`, the integral of the commanded rate [bar].
+    It may have `scales(state)`, of that structure: magnitudes below which errors are shares of these.
     """
 
     @property

@@ -15,6 +15,9 @@ import jax.numpy as jnp
 
 from absjax.parameters import model, parameter
 
+SMALL_PRESSURE = 10.0
+"""bar"""
+
 
 class BrakeState(NamedTuple):
     """State of the actuator; scalars per lane, None where a piece is absent."""
@@ -53,6 +56,12 @@ class Brake:
     def overshoots(self) -> bool:
         """Whether the pressure at the wheel may leave the range of what was commanded: behind the approximant."""
         return self.delay is not None
+
+    def scales(self, state: BrakeState) -> BrakeState:
+        """Errors below `SMALL_PRESSURE` are shares of it: a released brake need not be right in its last millibar."""
+        small = SMALL_PRESSURE + 0.0 * state.commanded
+        delay = None if self.delay is None else (small, small / self.delay)
+        return BrakeState(small, delay, None if self.lag is None else small)
 
     def limit(self, rate, state: BrakeState):
         """The commanded rate [bar/s] the actuator can follow."""

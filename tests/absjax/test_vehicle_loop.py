@@ -81,8 +81,9 @@ def test_two_axles_against_scipy(by_hand):
 
 def test_fourth_order_with_two_channels(by_hand):
     exact = by_hand[2][1] - DRIVER.delay * SPEED
-    coarse, fine = (abs(float(stopped(loop_of(), step=h).distance) - exact) for h in (4e-3, 2e-3))
-    assert fine < 2e-4 and coarse > 8 * fine
+    # At 4 ms some steps are taken in parts, and the error is that of shorter ones.
+    coarse, fine = (abs(float(stopped(loop_of(), step=h).distance) - exact) for h in (2e-3, 1e-3))
+    assert fine < 1e-5 and coarse > 8 * fine
 
 
 ANGLE = np.array([0.5, -0.4, 0.6, 0.3, 0.7])

@@ -53,8 +53,8 @@ def attack(kind, lanes: int, seed: int, step: float) -> dict:
     _, slope, result = exact(loop, speed, directions)
     ends = [s * w for w in WIDTHS for s in (1, -1)]
     many = repeated(loop, len(ends))
-    every = shifted(many, np.repeat(directions, len(ends), axis=1), np.tile(ends, len(speed)))
-    others = jax.jit(run)(every, np.repeat(speed, len(ends)))
+    moved = shifted(many, np.repeat(directions, len(ends), axis=1), np.tile(ends, len(speed)))
+    others = jax.jit(run)(moved, np.repeat(speed, len(ends)))
     distances = np.asarray(others.distance).reshape(-1, len(WIDTHS), 2)
     differences = (distances[..., 0] - distances[..., 1]) / (2 * WIDTHS)
     events = np.asarray(others.rollout.events).reshape(len(speed), -1)
@@ -65,11 +65,13 @@ def attack(kind, lanes: int, seed: int, step: float) -> dict:
     spread = np.where(same[:, :-2] & same[:, 1:-1] & same[:, 2:], spread, np.inf)
     best = spread.argmin(axis=1) + 1
     lane = np.arange(len(speed))
-    last, width = differences[lane, best], WIDTHS[best]
+    last = differences[lane, best]
     scale = np.abs(last) + 1e-6
-    at = np.asarray(result.distance)
-    sides = np.stack([distances[lane, best, 0] - at, at - distances[lane, best, 1]]) / width
-    kinked = np.abs(sides[0] - sides[1]) > KINK * scale
+    at = np.asarray(result.distance)[:, None]
+    every = np.stack([distances[..., 0] - at, at - distances[..., 1]]) / WIDTHS
+    gap, sides = np.abs(every[0] - every[1]), every[:, lane, best]
+    # What is curved has sides that approach each other with the width; at a kink they stay apart.
+    kinked = (gap[lane, best] > KINK * scale) & (gap[lane, best + 1] > 0.5 * gap[lane, best])
     exact = np.asarray(slope)
     off = np.where(kinked, np.abs(exact - sides).min(axis=0), np.abs(exact - last)) / scale
     grazed, agrees = np.asarray(result.rollout.grazes) > 0, spread.min(axis=1) <= AGREE
