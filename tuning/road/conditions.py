@@ -8,6 +8,7 @@ from absjax.plant.wheel import GRAVITY, Wheel
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.car import Car
 from tuning.logs.tables import LogError
+from tuning.road.output_error import lagged
 from tuning.road.samples import is_rig, rate_of
 from tuning.road.vehicle_speed import SIGNIFICANT, SLOW, Motion, interval_of, measured, motion_of
 
@@ -21,8 +22,8 @@ ROLLING = 0.4
 FEWEST_ROLLING = 20
 CALM = 0.1
 """Window over which a deceleration counts [s]."""
-LOADING = 0.02
-"""Window over which it moves the load [s]."""
+LOAD_LAG = 0.03
+"""Where the search for the lag of a load begins that nobody says is moved at once [s]."""
 BRAKE_RANGE = (0.1, 100.0)
 """Brake efficiency that is believed, over the known one: a unit of pressure may be another."""
 REFRESHED = 0.02
@@ -38,12 +39,18 @@ class Start:
     """with the vehicle's speed advanced by the delay found, or taken from the acceleration where it is slow"""
     share: np.ndarray | None
     """load over that of the wheel, (samples,), where the vehicle's speed is imposed"""
+    transferred: bool
+    """whether that is reckoned from the acceleration; it then may lag behind it"""
     values: dict[str, float]
     """what quantities are about"""
     motion: Motion | None
     slow: bool
     """whether the vehicle's speed was taken from the acceleration"""
     notes: list[str]
+
+    def load_behind(self, lag: float) -> np.ndarray | None:
+        """`share` with a lag [s], where it may lag."""
+        return self.share if self.share is None or not self.transferred else lagged(self.share, self.log.period, lag)
 
     def wheel(self, car: Car) -> Wheel:
         """The car's wheel with the radius found."""
@@ -81,15 +88,19 @@ def require_braking(log: BrakeLog, radius: float) -> None:
         )
 
 
-def load_share(log: BrakeLog, car: Car) -> np.ndarray | None:
-    """Load over that of the wheel at rest, (samples,); None where nothing says that it changes."""
+def load_share(log: BrakeLog, car: Car) -> tuple[np.ndarray | None, bool]:
+    """Load over that of the wheel at rest, (samples,), and whether it is reckoned from the acceleration, without lag.
+
+    None where nothing says that it changes.
+    """
     if log.load is not None and (
         np.ptp(log.load) > CHANGING_LOAD * np.mean(log.load) or is_rig(log) or log.force is not None
     ):
-        return log.load / float(car.wheel.load)
+        return log.load / float(car.wheel.load), False
     if car.axle is not None:
-        return car.axle.load_share(-deceleration_of(log, LOADING))
-    return np.ones(len(log.time)) if is_rig(log) else None
+        felt = rate_of(log, log.vehicle_speed) if log.acceleration is None else log.acceleration
+        return car.axle.load_share(felt), True
+    return (np.ones(len(log.time)) if is_rig(log) else None), False
 
 
 def begin(log: BrakeLog, car: Car) -> Start:
@@ -119,10 +130,14 @@ def begin(log: BrakeLog, car: Car) -> Start:
         values["radius"] = float(np.median(log.vehicle_speed[rolling] / log.wheel_speed[rolling]))
         if log.brake_pressure is not None:
             values["pressure_zero"] = float(np.median(log.brake_pressure[rolling]))
-    share = load_share(log, car)
+    share, transferred = load_share(log, car)
+    if not transferred:
+        values["load_lag"] = 0.0
+    elif car.priors["load_lag"].spread > 0 and values["load_lag"] == 0:
+        values["load_lag"] = LOAD_LAG
     if share is None and log.acceleration is not None and log.brake_pressure is not None:
         values |= _brake(log, dataclasses.replace(car.wheel, radius=values["radius"]))
-    return Start(log, share, values, motion, slow, notes)
+    return Start(log, share, transferred, values, motion, slow, notes)
 
 
 def _brake(log: BrakeLog, wheel: Wheel) -> dict[str, float]:

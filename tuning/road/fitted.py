@@ -65,7 +65,7 @@ def samples_as_fitted(start: Start, car: Car, values: dict[str, float]) -> tuple
     """
     wheel = {name: values[name] for name in KINDS if KINDS[name].wheel}
     log = corrected(start.log, {**values, "speed_delay": values["speed_delay"] - start.values["speed_delay"]})
-    return log, friction_samples(log, dataclasses.replace(car.wheel, **wheel), start.share)
+    return log, friction_samples(log, dataclasses.replace(car.wheel, **wheel), start.load_behind(values["load_lag"]))
 
 
 def clear_of_changes(time: np.ndarray, stretches: list[Stretch]) -> list[np.ndarray]:

@@ -127,6 +127,8 @@ def _candidates(start: Start, car: Car) -> tuple[list[str], list[str]]:
         cannot |= {"slope", "acceleration_bias", "speed_delay"}
     if start.slow:
         cannot |= {"speed_delay"}
+    if not start.transferred:
+        cannot |= {"load_lag"}
     priors = car.priors
     always = [name for name in CAR if priors[name].stated and priors[name].spread > 0]
     if start.values["speed_delay"] != priors["speed_delay"].value:
@@ -145,8 +147,10 @@ def _prior(problem: Shooting, surfaces: int, start: Start, car: Car, free: froze
     size, priors = len(problem.curve.names), car.priors
     means = {name: priors[name].value for name in CAR}
     means["speed_delay"] = means["speed_delay"] - start.values["speed_delay"] if "speed_delay" in free else 0.0
+    if not start.transferred:
+        means["load_lag"] = 0.0
     spreads = [priors[name].spread if name in free else 0.0 for name in CAR]
-    if start.share is not None and car.axle is not None and start.log.load is None and "load" not in free:
+    if start.transferred and "load" not in free:
         spreads[CAR.index("load")] = TRANSFERRED * priors["load"].value
     course = start.motion.spreads if start.slow and start.motion is not None else (0.0, 0.0)
     return Prior(
