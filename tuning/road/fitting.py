@@ -24,7 +24,7 @@ from tuning.road.fitted import (
 )
 from tuning.road.noise import noise_of
 from tuning.road.output_error import CAR, SHARED, Shooting, fit_output_error, shooting
-from tuning.road.selection import selected
+from tuning.road.selection import TOGETHER, selected
 
 SWEEPS = 3
 """Fits with the noise of the channels taken from the fit before."""
@@ -32,8 +32,6 @@ ROUNDS = 3
 """Searches for the changes, each with the quantities of the fit before."""
 MATERIAL = 0.03
 """Share of the larger friction by which two curves have to differ somewhere to be two surfaces."""
-TRANSFERRED = 1e-3
-"""Standard deviation of a load that is reckoned from the acceleration, as a share."""
 LEAST_SHARE = 0.1
 """Of what a quantity of the wheel is known as: it may not be less."""
 SMALLEST_PEAK_SLIP = 2e-3
@@ -151,12 +149,19 @@ def _prior(problem: Shooting, surfaces: int, start: Start, car: Car, free: froze
         means["load_lag"] = 0.0
     spreads = [priors[name].spread if name in free else 0.0 for name in CAR]
     if start.transferred and "load" not in free:
-        spreads[CAR.index("load")] = TRANSFERRED * priors["load"].value
+        spreads[CAR.index("load")] = _transfer_spread(start, car) * priors["load"].value
     course = start.motion.spreads if start.slow and start.motion is not None else (0.0, 0.0)
     return Prior(
         np.concatenate([np.zeros(surfaces * size), [means[name] for name in CAR], [0.0, 0.0]]),
         np.concatenate([np.full(surfaces * size, np.inf), spreads, course]),
     )
+
+
+def _transfer_spread(start: Start, car: Car) -> float:
+    """Standard deviation of the load, as a share, since the acceleration that moves it has a bias nobody knows."""
+    if start.motion is None or car.axle is None:
+        return 0.0
+    return abs(car.axle.load_share(float(np.hypot(*start.motion.bias))) - 1)
 
 
 def _settled(problem: Shooting, guesses, start: Start, car: Car, values) -> tuple[Fit, Shooting, frozenset[str]]:
@@ -169,7 +174,11 @@ def _settled(problem: Shooting, guesses, start: Start, car: Car, values) -> tupl
         fit = _fit(problem, len(guesses), shared, own, start, car, everything)
         shared, own = fit.shared, fit.own
         problem = problem.with_noise(problem.levels(fit.residual))
-    free, fit = selected(lambda names: _fit(problem, len(guesses), shared, own, start, car, names), always, maybe)
+    # With the vehicle's speed imposed a pull of the brake passes for a larger wheel.
+    together = frozenset() if problem.imposed else TOGETHER
+    free, fit = selected(
+        lambda names: _fit(problem, len(guesses), shared, own, start, car, names), always, maybe, together
+    )
     return fit, problem, free
 
 

@@ -40,6 +40,8 @@ class Motion(NamedTuple):
     """of a measurement of the speed, m/s"""
     middle: float
     """time about which the errors of v0 and b are independent, s"""
+    bias: tuple[float, float]
+    """of the acceleration and the slope together, and its standard deviation, m/s^2"""
     spreads: tuple[float, float]
     """of the course: standard deviation of an offset, m/s, and of a drift about the middle, m/s^2"""
 
@@ -94,9 +96,10 @@ def motion_of(log: BrakeLog) -> Motion | None:
     covariance = np.linalg.inv(columns.T @ columns + known)
     middle = float(-covariance[0, 1] / covariance[1, 1])
     offset = covariance[0, 0] - covariance[0, 1] ** 2 / covariance[1, 1]
-    spreads = float(np.sqrt(max(offset, 0.0))), float(np.sqrt(covariance[1, 1]))
+    drift = float(np.sqrt(covariance[1, 1]))
+    spreads = float(np.sqrt(max(offset, 0.0))), drift
     course = start + bias * clock + travelled
-    return Motion(delay, spread, course, noise, middle + float(log.time[0]), spreads)
+    return Motion(delay, spread, course, noise, middle + float(log.time[0]), (float(bias), drift), spreads)
 
 
 def measured(log: BrakeLog, signal: str) -> np.ndarray:
