@@ -26,7 +26,6 @@ from scipy.signal import lfilter
 from absjax.plant.wheel import GRAVITY
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.tables import LogError
-from tuning.road.arrow_fit import Fit, Prior, arrow_fit
 from tuning.road.curve import Curve
 from tuning.road.noise import noise_of
 from tuning.road.samples import rate_of
@@ -302,28 +301,3 @@ def shooting(
     weight[lanes - filling :] = 0.0
     nominal = np.ones(len(log.time)) if share is None else share
     return Shooting(log, curve, share is not None, table, np.array(surface), weight, nominal, radius, middle)
-
-
-def fit_output_error(problem: Shooting, shared: np.ndarray, own: np.ndarray, *, lower: np.ndarray, prior: Prior) -> Fit:
-    """Fit what is free of the shared parameters; a spread of 0 keeps one at its mean. The fit's covariance is of all.
-
-    Args:
-        problem: the intervals.
-        shared: start (surfaces x coefficients + `CAR`,).
-        own: start (lanes, states).
-        lower: lower bounds, of all.
-        prior: of all.
-    """
-    surfaces = (len(shared) - SHARED) // len(problem.curve.names)
-    evaluate_all, free = problem.evaluate(surfaces), prior.spread > 0
-    whole = np.where(free, shared, prior.mean)
-
-    def evaluate(some, own):
-        point = whole.copy()
-        point[free] = some
-        residual, by_shared, by_own = evaluate_all(point, own)
-        return residual, by_shared[..., free], by_own
-
-    known = Prior(prior.mean[free], prior.spread[free])
-    fit = arrow_fit(evaluate, whole[free], own, lower=lower[free], prior=known)
-    return fit.of_all(whole, free)
