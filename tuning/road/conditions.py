@@ -7,6 +7,7 @@ import numpy as np
 from absjax.plant.wheel import GRAVITY, Wheel
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.car import Car
+from tuning.logs.quantities import Prior
 from tuning.logs.tables import LogError
 from tuning.road.output_error import lagged
 from tuning.road.samples import is_rig, rate_of
@@ -43,6 +44,8 @@ class Start:
     """whether that is reckoned from the acceleration; it then may lag behind it"""
     values: dict[str, float]
     """what quantities are about"""
+    rest: Prior | None
+    """zero of the pressure, as it is before anybody brakes"""
     motion: Motion | None
     slow: bool
     """whether the vehicle's speed was taken from the acceleration"""
@@ -130,6 +133,9 @@ def begin(log: BrakeLog, car: Car) -> Start:
         values["radius"] = float(np.median(log.vehicle_speed[rolling] / log.wheel_speed[rolling]))
         if log.brake_pressure is not None:
             values["pressure_zero"] = float(np.median(log.brake_pressure[rolling]))
+    rest = None
+    if rolling.sum() >= FEWEST_ROLLING and log.brake_pressure is not None and not is_rig(log):
+        rest = _at_rest(log, dataclasses.replace(car.wheel, radius=values["radius"]), rolling, motion)
     share, transferred = load_share(log, car)
     if not transferred:
         values["load_lag"] = 0.0
@@ -137,7 +143,18 @@ def begin(log: BrakeLog, car: Car) -> Start:
         values["load_lag"] = LOAD_LAG
     if share is None and log.acceleration is not None and log.brake_pressure is not None:
         values |= _brake(log, dataclasses.replace(car.wheel, radius=values["radius"]))
-    return Start(log, share, transferred, values, motion, slow, notes)
+    return Start(log, share, transferred, values, rest, motion, slow, notes)
+
+
+def _at_rest(log: BrakeLog, wheel: Wheel, rolling: np.ndarray, motion: Motion | None) -> Prior:
+    """Zero of the pressure by the samples in which a wheel rolls: P + R Fz a / (g gamma_b), a bias of a not known."""
+    assert log.brake_pressure is not None
+    some = rolling & measured(log, "brake_pressure")
+    noise = float(np.std(log.brake_pressure[some])) / np.sqrt(max(some.sum(), 1))
+    bias = ROLLING / 2 if motion is None else float(np.hypot(*motion.bias))
+    per_acceleration = float(wheel.radius * wheel.load / (GRAVITY * wheel.brake_efficiency))
+    zero = float(np.mean(log.brake_pressure[some]) - per_acceleration * np.mean(deceleration_of(log)[rolling]))
+    return Prior(zero, float(np.hypot(noise, per_acceleration * bias)), False)
 
 
 def _brake(log: BrakeLog, wheel: Wheel) -> dict[str, float]:

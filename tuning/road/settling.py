@@ -131,6 +131,9 @@ def _prior(problem: Shooting, surfaces: int, start: Start, car: Car, free: froze
     if not start.transferred:
         means["load_lag"] = 0.0
     spreads = [priors[name].spread if name in free else 0.0 for name in CAR]
+    if problem.imposed and "pressure_zero" in free and start.rest is not None and not priors["pressure_zero"].stated:
+        # Nothing else tells it where the vehicle's deceleration does not count.
+        means["pressure_zero"], spreads[CAR.index("pressure_zero")] = start.rest.value, start.rest.spread
     if start.transferred and "load" not in free:
         spreads[CAR.index("load")] = _transfer_spread(start, car) * priors["load"].value
     course = start.motion.spreads if start.slow and start.motion is not None else (0.0, 0.0)
