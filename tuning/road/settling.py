@@ -11,6 +11,7 @@ from tuning.road.changes import Stretch, find_stretches
 from tuning.road.conditions import Start
 from tuning.road.curve import Curve
 from tuning.road.fitted import GUARD, Say, clear_of_changes, largest_slip, peak_slip_of, samples_as_fitted, told_of
+from tuning.road.noise import noise_of
 from tuning.road.output_error import CAR, SHARED, Shooting, shooting
 from tuning.road.selection import TOGETHER, selected
 from tuning.road.shooting_fit import Task, fit_shooting
@@ -27,6 +28,8 @@ SMALLEST_PEAK_SLIP = 2e-3
 """No tyre has its peak at less: a curve that has it there was fitted to something else."""
 DISTINCT = 0.25
 """The same share from which nobody asks whether one curve would do."""
+FOUND_BADLY = 1.6
+"""Residual over a channel's own noise from which any two surfaces are asked whether one curve would do."""
 FEWEST_INTERVALS = 4
 """Shooting intervals of a surface; shorter ones go to a neighbour."""
 
@@ -202,7 +205,7 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
             apart = _apart(curve, coefficients[i], coefficients[i + 1], seen)
             strange = min(peak_slip_of(curve, coefficients[k]) for k in (i, i + 1)) < SMALLEST_PEAK_SLIP
             short = min(intervals) < FEWEST_INTERVALS
-            if apart > DISTINCT and not (strange or short):
+            if apart > DISTINCT and not (strange or short or _misfits(problem, fit)):
                 continue
             fewer = [*stretches[:i], _joined(stretches[i], stretches[i + 1]), *stretches[i + 2 :]]
             keep = i if _length(stretches[i]) >= _length(stretches[i + 1]) else i + 1
@@ -212,6 +215,9 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
             again = _fit(other, len(guesses), shared, fit.own, start, car, free)
             points = int(np.count_nonzero(problem.weight[np.isin(problem.surface, (i, i + 1))]))
             penalty = fit.inflation * (size + 1) * np.log(max(points, 2))
+            if strange and not short and apart > MATERIAL:
+                # It may never have seen small slips: then nothing but a surface of its own explains it.
+                strange = not _misfits(other, again) or _misfits(problem, fit)
             needless = again.cost - fit.cost < penalty or apart < MATERIAL or strange or short
             if needless and (best is None or again.cost < best[1].cost):
                 best = fewer, again, other
@@ -219,6 +225,12 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
             break
         stretches, fit, problem = best
     return stretches, fit, problem
+
+
+def _misfits(problem: Shooting, fit: Fit) -> bool:
+    """Whether the surfaces as they were found leave so much that they are not to be believed."""
+    levels = problem.levels(fit.residual)
+    return any(level > FOUND_BADLY * noise_of(problem.log, name, problem.used) for name, level in levels.items())
 
 
 def _reached(problem: Shooting, surface: int) -> float:
