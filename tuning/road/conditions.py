@@ -11,7 +11,8 @@ from tuning.logs.quantities import Prior
 from tuning.logs.tables import LogError
 from tuning.road.output_error import lagged
 from tuning.road.samples import is_rig, rate_of
-from tuning.road.vehicle_speed import SIGNIFICANT, SLOW, Motion, interval_of, measured, motion_of
+from tuning.road.sampling import interval_of, measured
+from tuning.road.vehicle_speed import SIGNIFICANT, SLOW, Motion, motion_of
 
 LEAST_DECELERATION = 0.7
 """m/s^2; less is not braking"""

@@ -29,7 +29,8 @@ from tuning.logs.tables import LogError
 from tuning.road.curve import Curve
 from tuning.road.noise import noise_of
 from tuning.road.samples import rate_of
-from tuning.road.vehicle_speed import interval_of, measured
+from tuning.road.sampling import interval_of, measured
+from tuning.road.vehicle_speed import ERRORS
 
 INTERVAL, FEWEST = 0.05, 12
 """Length of a shooting interval [s]; samples it has at least."""
@@ -58,8 +59,8 @@ CAR = (
     "speed_delay",
 )
 """The car's quantities, in the order of the shared parameters after the coefficients."""
-NUISANCE = ("speed_offset", "speed_drift")
-"""What a speed taken from the acceleration may be off, m/s and m/s^2; after the car's quantities."""
+NUISANCE = tuple(f"speed_error_{k}" for k in range(1, ERRORS + 1))
+"""What a speed taken from the acceleration is off, in standard deviations; after the car's quantities."""
 OF_LANE = 9
 SMALL = 1e-7
 """Difference of lags for the derivative by them [s]."""
@@ -162,8 +163,8 @@ class Shooting(NamedTuple):
     """load over its nominal value, (samples of the log,)"""
     radius: float
     """about that of the wheel, m"""
-    middle: float
-    """time about which an imposed speed drifts, s"""
+    errors: np.ndarray
+    """what the vehicle's speed may be off, m/s, (samples of the log, `NUISANCE`)"""
 
     @property
     def used(self) -> np.ndarray:
@@ -179,19 +180,19 @@ class Shooting(NamedTuple):
         assert log.brake_pressure is not None
         pressure, rate = log.brake_pressure, rate_of(log, log.vehicle_speed, smoothing=SMOOTHING)
         told = [getattr(log, name) for name in OUTPUTS]
-        zeros, clock = np.zeros(len(log.time)), (log.time - self.middle)[self.index].mean(axis=1)
+        zeros, errors = np.zeros(len(log.time)), self.errors[self.index].mean(axis=1)
         lanes, states = len(self.index), 1 if self.imposed else 2
         acceleration = zeros if log.acceleration is None else log.acceleration
 
         def evaluate(shared, own):
             first = surfaces * size
-            car = dict(zip((*CAR, *NUISANCE), shared[first:]))
+            car = dict(zip(CAR, shared[first:]))
             coefficients = shared[:first].reshape(surfaces, size)[self.surface]
             acting, by_lag = _and_slope(pressure, period, car["pressure_lag"])
             share, by_load_lag = _and_slope(self.share, period, car["load_lag"])
             # Interpolated between samples, noise would average out, and that would look like a better delay.
             speed = (log.vehicle_speed + car["speed_delay"] * rate)[self.index]
-            speed = speed + car["speed_offset"] + car["speed_drift"] * clock[:, None]
+            speed = speed + (errors @ shared[first + len(CAR) :])[:, None]
             of_lanes = [car[name] for name in CAR[:5]] + [0.0, 0.0, car["slope"], 0.0]
             points = np.concatenate([coefficients, np.tile(of_lanes, (lanes, 1))], axis=1)
             given = (*(x[self.index] for x in (acting, by_lag, share, by_load_lag)), speed)
@@ -210,8 +211,7 @@ class Shooting(NamedTuple):
             by_shared[..., 2, first + CAR.index("acceleration_bias")] = 1.0
             by_shared[..., 1, first + CAR.index("speed_delay")] = -rate[self.index]
             by_offset = slopes[..., size + OF_LANE - 1] if self.imposed else -np.array([0.0, 1.0, 0.0])
-            by_shared[..., first + len(CAR)] = by_offset
-            by_shared[..., first + len(CAR) + 1] = by_offset * clock[:, None, None]
+            by_shared[..., first + len(CAR) :] = by_offset[..., None] * errors[:, None, None]
             by_shared *= self.weight[..., None]
             by_own = slopes[..., size + OF_LANE : size + OF_LANE + states] * self.weight[..., None]
             return residual.reshape(lanes, n), by_shared.reshape(lanes, n, -1), by_own.reshape(lanes, n, -1)
@@ -250,7 +250,7 @@ def shooting(
     stretches: list[np.ndarray],
     radius: float,
     share: np.ndarray | None = None,
-    middle: float = 0.0,
+    errors: np.ndarray | None = None,
 ) -> Shooting:
     """Cut a log into intervals.
 
@@ -261,7 +261,7 @@ def shooting(
         radius: about that of the wheel [m].
         share: load over its nominal value, (samples,), where it changes or the vehicle's speed is imposed; None: the
             quarter car.
-        middle: time about which an imposed speed drifts [s].
+        errors: what the vehicle's speed may be off [m/s], (samples, `NUISANCE`); None: nothing.
 
     Raises:
         LogError: if there is no interval with enough measurements.
@@ -300,4 +300,5 @@ def shooting(
             weight[..., i] = measured(log, name)[table] / noise_of(log, name, inside)
     weight[lanes - filling :] = 0.0
     nominal = np.ones(len(log.time)) if share is None else share
-    return Shooting(log, curve, share is not None, table, np.array(surface), weight, nominal, radius, middle)
+    errors = np.zeros((len(log.time), len(NUISANCE))) if errors is None else errors
+    return Shooting(log, curve, share is not None, table, np.array(surface), weight, nominal, radius, errors)

@@ -12,7 +12,7 @@ from tuning.road.conditions import Start
 from tuning.road.curve import Curve
 from tuning.road.fitted import GUARD, Say, clear_of_changes, largest_slip, peak_slip_of, samples_as_fitted, told_of
 from tuning.road.noise import noise_of
-from tuning.road.output_error import CAR, SHARED, Shooting, shooting
+from tuning.road.output_error import CAR, NUISANCE, SHARED, Shooting, shooting
 from tuning.road.selection import TOGETHER, selected
 from tuning.road.shooting_fit import Task, fit_shooting
 
@@ -97,8 +97,8 @@ def _intervals(curve: Curve, start: Start, stretches: list[Stretch], values: dic
     log = start.log
     late = log.time <= log.time[-1] - max(values["speed_delay"], 0.0)
     masks = [inside & late for inside in clear_of_changes(log.time, stretches)]
-    middle = 0.0 if start.motion is None else start.motion.middle
-    return shooting(curve, log, masks, values["radius"], start.share, middle)
+    errors = None if start.motion is None else start.motion.errors
+    return shooting(curve, log, masks, values["radius"], start.share, errors)
 
 
 def _candidates(start: Start, car: Car) -> tuple[list[str], list[str]]:
@@ -139,9 +139,9 @@ def _prior(problem: Shooting, surfaces: int, start: Start, car: Car, free: froze
         means["pressure_zero"], spreads[CAR.index("pressure_zero")] = start.rest.value, start.rest.spread
     if start.transferred and "load" not in free:
         spreads[CAR.index("load")] = _transfer_spread(start, car) * priors["load"].value
-    course = start.motion.spreads if start.slow and start.motion is not None else (0.0, 0.0)
+    course = np.full(len(NUISANCE), 1.0 if start.slow else 0.0)
     return Prior(
-        np.concatenate([np.zeros(surfaces * size), [means[name] for name in CAR], [0.0, 0.0]]),
+        np.concatenate([np.zeros(surfaces * size), [means[name] for name in CAR], 0 * course]),
         np.concatenate([np.full(surfaces * size, np.inf), spreads, course]),
     )
 
@@ -157,7 +157,7 @@ def _settled(problem: Shooting, guesses, start: Start, car: Car, values) -> tupl
     """The fit, with the noise of each channel as the fit of all that may be free has it, and what had to be free."""
     always, maybe = _candidates(start, car)
     begin = {**values, "speed_delay": values["speed_delay"] - start.values["speed_delay"]}
-    shared = np.concatenate([*guesses, [begin[name] for name in CAR], [0.0, 0.0]])
+    shared = np.concatenate([*guesses, [begin[name] for name in CAR], np.zeros(len(NUISANCE))])
     own, everything = problem.start(), frozenset([*always, *maybe])
     for _ in range(SWEEPS):
         fit = _fit(problem, len(guesses), shared, own, start, car, everything)
@@ -176,7 +176,7 @@ def task_of(
 ) -> Task:
     """What there is to fit with some quantities free; a parameter that is `held` stays where it starts."""
     least = [LEAST_SHARE * car.priors[name].value if KINDS[name].wheel else KINDS[name].low for name in CAR]
-    lower = np.concatenate([np.tile(problem.curve.lower + 1e-6, surfaces), least, [-np.inf, -np.inf]])
+    lower = np.concatenate([np.tile(problem.curve.lower + 1e-6, surfaces), least, np.full(len(NUISANCE), -np.inf)])
     prior = _prior(problem, surfaces, start, car, free)
     if held is not None:
         prior.mean[held], prior.spread[held] = shared[held], 0.0
