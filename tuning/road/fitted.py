@@ -93,6 +93,12 @@ def peak_slip_of(curve: Curve, coefficients: np.ndarray) -> float:
     return float(curve.tyre(map(float, coefficients)).peak().slip)
 
 
+def anyones_guess(coefficients: np.ndarray, widths: np.ndarray) -> bool:
+    """Whether a log says nothing of a curve: its largest coefficient is not known to within itself."""
+    most = int(np.argmax(np.abs(coefficients)))
+    return not widths[most] < abs(coefficients[most])
+
+
 def largest_slip(slip: np.ndarray) -> float:
     """Largest magnitude, but for one in a thousand; 0 of none."""
     return float(np.quantile(np.abs(slip), 0.999)) if len(slip) else 0.0

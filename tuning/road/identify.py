@@ -20,7 +20,7 @@ from tuning.logs.quantities import KINDS, Z95, Quantity
 from tuning.logs.tables import LogError
 from tuning.road import conditions, verdict
 from tuning.road.curve import Curve
-from tuning.road.fitted import Fitted, FittedStretch, samples_as_fitted
+from tuning.road.fitted import Fitted, FittedStretch, anyones_guess, samples_as_fitted
 from tuning.road.fitting import fitted_of
 from tuning.road.fitting_by_curve import fitted_by_curve
 from tuning.road.samples import FrictionSamples
@@ -290,6 +290,7 @@ def _segment(kind, curve: Curve, found: FittedStretch, method: str) -> Segment:
 
 def _identifiability(curve: Curve, value, width, largest: float) -> tuple[dict[str, bool], list[str]]:
     passed = largest > value["peak_slip"]
+    guessed = anyones_guess(*(np.array([found[name] for name in curve.names]) for found in (value, width)))
     identifiable, statements = {}, []
     for name in value:
         known = bool(np.isfinite(width[name]) and width[name] <= LARGEST_RELATIVE_WIDTH * abs(value[name]))
@@ -298,6 +299,9 @@ def _identifiability(curve: Curve, value, width, largest: float) -> tuple[dict[s
         if value["peak_slip"] < SMALLEST_PEAK_SLIP:
             known = False
             statements.append(f"{name} is not identifiable: the friction seen does not rise with the slip")
+        elif guessed and name in PEAK:
+            known = False
+            statements.append(f"{name} is not identifiable: the slips seen are those of many curves")
         elif name in (*curve.kind.beyond_peak, *PEAK) and not passed:
             known = False
             statements.append(

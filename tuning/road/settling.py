@@ -5,12 +5,21 @@ from typing import NamedTuple
 import numpy as np
 
 from tuning.logs.car import Car
-from tuning.logs.quantities import KINDS
+from tuning.logs.quantities import KINDS, Z95
 from tuning.road.arrow_fit import Fit, Prior
 from tuning.road.changes import Stretch, find_stretches
 from tuning.road.conditions import Start
 from tuning.road.curve import Curve
-from tuning.road.fitted import GUARD, Say, clear_of_changes, largest_slip, peak_slip_of, samples_as_fitted, told_of
+from tuning.road.fitted import (
+    GUARD,
+    Say,
+    anyones_guess,
+    clear_of_changes,
+    largest_slip,
+    peak_slip_of,
+    samples_as_fitted,
+    told_of,
+)
 from tuning.road.noise import noise_of
 from tuning.road.output_error import CAR, NUISANCE, SHARED, Shooting, shooting
 from tuning.road.selection import TOGETHER, selected
@@ -30,6 +39,8 @@ DISTINCT = 0.25
 """The same share from which nobody asks whether one curve would do."""
 FOUND_BADLY = 1.6
 """Residual over a channel's own noise from which any two surfaces are asked whether one curve would do."""
+SELDOM = 0.05
+"""Share of the slips of a surface that are less than its least ones."""
 FEWEST_INTERVALS = 4
 """Shooting intervals of a surface; shorter ones go to a neighbour."""
 
@@ -201,9 +212,10 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
         best = None
         for i in range(len(stretches) - 1):
             intervals = [int(np.any(problem.weight[problem.surface == k] > 0, axis=(1, 2)).sum()) for k in (i, i + 1)]
-            seen = min(_reached(problem, k) for k in (i, i + 1))
-            apart = _apart(curve, coefficients[i], coefficients[i + 1], seen)
+            apart = _apart(curve, coefficients[i], coefficients[i + 1], [_visited(problem, k) for k in (i, i + 1)])
+            spreads = [np.sqrt(np.diag(fit.plain)[k * size : (k + 1) * size]) for k in (i, i + 1)]
             strange = min(peak_slip_of(curve, coefficients[k]) for k in (i, i + 1)) < SMALLEST_PEAK_SLIP
+            strange |= any(anyones_guess(coefficients[i + k], Z95 * spreads[k]) for k in (0, 1))
             short = min(intervals) < FEWEST_INTERVALS
             if apart > DISTINCT and not (strange or short or _misfits(problem, fit)):
                 continue
@@ -233,16 +245,17 @@ def _misfits(problem: Shooting, fit: Fit) -> bool:
     return any(level > FOUND_BADLY * noise_of(problem.log, name, problem.used) for name, level in levels.items())
 
 
-def _reached(problem: Shooting, surface: int) -> float:
-    """Largest slip of the intervals of a surface, about."""
+def _visited(problem: Shooting, surface: int) -> tuple[float, float]:
+    """Least and largest slip of the intervals of a surface, about."""
     lanes = problem.index[(problem.surface == surface) & np.any(problem.weight > 0, axis=(1, 2))]
     slip = problem.radius * problem.log.wheel_speed[lanes] / problem.log.vehicle_speed[lanes] - 1
-    return largest_slip(slip.ravel())
+    return float(np.quantile(np.abs(slip), SELDOM)) if slip.size else 0.0, largest_slip(slip.ravel())
 
 
-def _apart(curve: Curve, one, other, seen: float) -> float:
-    """How far two curves are apart up to the slip that both have seen, as a share of the larger friction there."""
-    slips = -np.linspace(0.0, max(seen, 0.01), 61)
+def _apart(curve: Curve, one, other, visited) -> float:
+    """How far two curves are apart at slips that both have visited, as a share of the larger friction there."""
+    least, most = max(low for low, _ in visited), max(min(high for _, high in visited), 0.01)
+    slips = -np.linspace(min(least, most), most, 61)
     pair = [np.asarray(curve.tyre(map(float, c)).friction(slips)) for c in (one, other)]
     return float(np.abs(pair[0] - pair[1]).max() / np.abs(pair).max())
 
