@@ -134,7 +134,10 @@ def reading(
     """`read_log`, with what it was made of."""
     path = Path(path)
     whole = _on_grid(path, columns, start, end, radius, edges)
-    return whole._replace(log=_agreeing(path, whole.sources, _moving(path, whole.log), radius))
+    log = _agreeing(path, whole.sources, _moving(path, whole.log), radius)
+    windows = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in _brakings(whole.log))
+    notes = (*log.notes, f"somebody brakes after speeding up: {windows}") if windows else log.notes
+    return whole._replace(log=dataclasses.replace(log, notes=notes))
 
 
 def read_brakings(

@@ -15,6 +15,8 @@ MOST_ITERATIONS = 60
 LARGEST_LEVERAGE = 0.8
 NOTHING, UNKNOWN = 1e-200, 1e12
 """Information that is none, and the variance of a parameter that has none."""
+LARGEST_DAMPING = 1e-3
+"""With which a small step is one at the minimum."""
 LARGEST_SLOPE = 1e50
 """A step after which derivatives are larger, or no numbers, is not made."""
 RIDGE = 1e-10
@@ -144,8 +146,10 @@ def joint_fit(parts: Sequence[Part], shared: np.ndarray, *, lower: np.ndarray, p
         if trial_cost <= cost and _moderate(trial):
             gain = (cost - trial_cost) / max(cost, 1e-300)
             shared, owns, cost, there = trial_shared, trial_owns, trial_cost, trial
+            # A step that damping keeps small says nothing of how far the minimum is.
+            small = gain < 1e-8 or bool(np.all(np.abs(step) <= 1e-9 * (np.abs(shared) + 1e-9)))
+            converged = small and damping <= LARGEST_DAMPING
             damping = max(damping / 10, 1e-12)
-            converged = gain < 1e-8 or bool(np.all(np.abs(step) <= 1e-9 * (np.abs(shared) + 1e-9)))
         else:
             damping *= 10
             converged = damping > 1e12

@@ -92,7 +92,12 @@ def settled(curve: Curve, start: Start, car: Car, say: Say) -> Settled:
         fit, problem, free = _settled(problem, guesses, start, car, values)
         values |= _values(fit.shared, start)
     assert fit is not None and problem is not None
+    several = len(stretches)
     stretches, fit, problem = _merged(curve, stretches, fit, problem, start, car, free)
+    if len(stretches) < several:
+        # Noise and quantities were those of surfaces that are not there.
+        guesses = fit.shared[:-SHARED].reshape(len(stretches), -1)
+        fit, problem, free = _settled(problem, guesses, start, car, {**values, **_values(fit.shared, start)})
     found = Settled(curve, start, car, stretches, problem, fit, free)
     say(f"output error: {told_of(curve, found.coefficients)} after {fit.iterations} iterations")
     return found
