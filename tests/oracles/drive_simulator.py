@@ -1,12 +1,12 @@
-"""The log of a drive: stops of the simulator, and in between the car comes to rest and speeds up again."""
+"""The log of a drive: stops of the simulator, and in between the car stands and speeds up again."""
 
 import numpy as np
 
 from tests.oracles.log_scenarios import GRAVITY, LOGGED, Sensors, Stop
 from tests.oracles.log_simulator import simulate
 
-PUSH, EASE, CRUISE = 3.0, -2.0, 0.4
-"""Acceleration to the speed of the next stop, and to rest [m/s^2]; time at constant speed before each stop [s]."""
+PUSH, CRUISE = 3.0, 0.4
+"""Acceleration to the speed of the next stop [m/s^2]; time at constant speed before each [s]."""
 
 
 def drive(stops: list[Stop], rest: float = 1.5, seed: int = 0):
@@ -21,9 +21,8 @@ def drive(stops: list[Stop], rest: float = 1.5, seed: int = 0):
     for i, (stop, record) in enumerate(zip(stops, records)):
         speeds = [(np.arange(0.0, stop.speed, PUSH * period), PUSH), (np.full(round(CRUISE / period), stop.speed), 0.0)]
         if i:
-            ending = float(records[i - 1].truth.signals["vehicle_speed"][-1])
-            speeds = [(np.arange(ending, 0.0, EASE * period), EASE), (np.zeros(round(rest / period)), 0.0), *speeds]
-        pieces += [_steadily(stop, speed, acceleration, rng) for speed, acceleration in speeds]
+            speeds = [(np.zeros(round(rest / period)), 0.0), *speeds]
+        pieces += [steadily(stop, speed, acceleration, rng) for speed, acceleration in speeds]
         count = sum(len(piece["acceleration"]) for piece in pieces)
         pieces.append(record.signals)
         spans.append((count * period, (count + len(record.time)) * period))
@@ -31,7 +30,7 @@ def drive(stops: list[Stop], rest: float = 1.5, seed: int = 0):
     return {"time": np.arange(count + len(records[-1].time)) * period, **signals}, spans
 
 
-def _steadily(stop: Stop, speed: np.ndarray, acceleration: float, rng) -> dict[str, np.ndarray]:
+def steadily(stop: Stop, speed: np.ndarray, acceleration: float, rng) -> dict[str, np.ndarray]:
     """Signals at a constant acceleration; the brake carries what slows down, the engine what speeds up."""
     car, surface, friction = stop.car, stop.road.surfaces[0], acceleration / GRAVITY
     slips = np.linspace(0.0, surface.peak_slip, 2001)

@@ -9,6 +9,7 @@ from tuning.logs.brake_log import BrakeLog
 from tuning.logs.car import Car
 from tuning.logs.quantities import Prior
 from tuning.logs.tables import LogError
+from tuning.road.noise import noise_of
 from tuning.road.output_error import lagged
 from tuning.road.samples import is_rig, rate_of
 from tuning.road.sampling import interval_of, measured
@@ -22,6 +23,8 @@ LEAST_RANGE = 0.03
 ROLLING = 0.4
 """Deceleration below which a wheel counts as rolling freely [m/s^2]."""
 FEWEST_ROLLING = 20
+RISEN, LEAST_SPREAD = 5.0, 0.02
+"""Noises from which a pressure has risen; standard deviation of its zero before it has, at the least [bar]."""
 CALM = 0.1
 """Window over which a deceleration counts [s]."""
 LOAD_LAG = 0.03
@@ -147,15 +150,20 @@ def begin(log: BrakeLog, car: Car) -> Start:
     return Start(log, share, transferred, values, rest, motion, slow, notes)
 
 
-def _at_rest(log: BrakeLog, wheel: Wheel, rolling: np.ndarray, motion: Motion | None) -> Prior:
-    """Zero of the pressure by the samples in which a wheel rolls: P + R Fz a / (g gamma_b), a bias of a not known."""
+def _at_rest(log: BrakeLog, wheel: Wheel, rolling: np.ndarray, motion: Motion | None) -> Prior | None:
+    """Zero of the pressure by the samples before it rises: P + R Fz a / (g gamma_b), a bias of a not known."""
     assert log.brake_pressure is not None
-    some = rolling & measured(log, "brake_pressure")
-    noise = float(np.std(log.brake_pressure[some])) / np.sqrt(max(some.sum(), 1))
+    pressure, level = log.brake_pressure, noise_of(log, "brake_pressure", rolling)
+    risen = np.abs(pressure - np.median(pressure[rolling][:FEWEST_ROLLING])) > RISEN * level
+    before = rolling & (np.cumsum(risen) == 0)
+    if before.sum() < FEWEST_ROLLING:
+        return None
+    rate = -deceleration_of(log) if log.acceleration is None else log.acceleration
     bias = ROLLING / 2 if motion is None else float(np.hypot(*motion.bias))
     per_acceleration = float(wheel.radius * wheel.load / (GRAVITY * wheel.brake_efficiency))
-    zero = float(np.mean(log.brake_pressure[some]) - per_acceleration * np.mean(deceleration_of(log)[rolling]))
-    return Prior(zero, float(np.hypot(noise, per_acceleration * bias)), False)
+    zeros = pressure[before] + per_acceleration * rate[before]
+    spread = np.hypot(np.std(zeros) / np.sqrt(before.sum()), per_acceleration * bias)
+    return Prior(float(np.mean(zeros)), float(np.hypot(spread, LEAST_SPREAD)), False)
 
 
 def _brake(log: BrakeLog, wheel: Wheel) -> dict[str, float]:

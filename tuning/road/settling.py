@@ -6,6 +6,7 @@ import numpy as np
 
 from tuning.logs.car import Car
 from tuning.logs.quantities import KINDS, Z95
+from tuning.logs.quantities import Prior as Known
 from tuning.road.arrow_fit import Fit, Prior
 from tuning.road.changes import Stretch, find_stretches
 from tuning.road.conditions import Start
@@ -150,9 +151,9 @@ def _prior(problem: Shooting, surfaces: int, start: Start, car: Car, free: froze
     if not start.transferred:
         means["load_lag"] = 0.0
     spreads = [priors[name].spread if name in free else 0.0 for name in CAR]
-    if problem.imposed and "pressure_zero" in free and start.rest is not None and not priors["pressure_zero"].stated:
-        # Nothing else tells it where the vehicle's deceleration does not count.
-        means["pressure_zero"], spreads[CAR.index("pressure_zero")] = start.rest.value, start.rest.spread
+    rest = _at_rest(problem, start, car)
+    if rest is not None and "pressure_zero" in free:
+        means["pressure_zero"], spreads[CAR.index("pressure_zero")] = rest.value, rest.spread
     if start.transferred and "load" not in free:
         spreads[CAR.index("load")] = _transfer_spread(start, car) * priors["load"].value
     course = np.full(len(NUISANCE), 1.0 if start.slow else 0.0)
@@ -160,6 +161,11 @@ def _prior(problem: Shooting, surfaces: int, start: Start, car: Car, free: froze
         np.concatenate([np.zeros(surfaces * size), [means[name] for name in CAR], 0 * course]),
         np.concatenate([np.full(surfaces * size, np.inf), spreads, course]),
     )
+
+
+def _at_rest(problem: Shooting, start: Start, car: Car) -> Known | None:
+    """Zero of the pressure by the rolling wheel, where nothing else tells it: the vehicle's deceleration counts not."""
+    return None if car.priors["pressure_zero"].stated or not problem.imposed else start.rest
 
 
 def _transfer_spread(start: Start, car: Car) -> float:
@@ -181,9 +187,15 @@ def _settled(problem: Shooting, guesses, start: Start, car: Car, values) -> tupl
         problem = problem.with_noise(problem.levels(fit.residual))
     # With the vehicle's speed imposed a pull of the brake passes for a larger wheel.
     together = frozenset() if problem.imposed else TOGETHER
-    free, fit = selected(
-        lambda names: _fit(problem, len(guesses), shared, own, start, car, names), always, maybe, together
-    )
+    rest = _at_rest(problem, start, car)
+
+    def fit_with(names: frozenset[str]) -> Fit:
+        found = _fit(problem, len(guesses), shared, own, start, car, names)
+        if rest is None or "pressure_zero" in names:
+            return found
+        return found._replace(cost=found.cost + ((car.priors["pressure_zero"].value - rest.value) / rest.spread) ** 2)
+
+    free, fit = selected(fit_with, always, maybe, together)
     return fit, problem, free
 
 

@@ -21,7 +21,7 @@ BIAS, USUAL = 0.25, 0.1
 far others are off it [s]."""
 BEGINNING = 0.03
 """What a log begins with [s]."""
-ERRORS = 6
+ERRORS = 8
 """Of the integral of the acceleration: an offset, a drift, and the first terms of the walk that noise makes."""
 FIRST_NOISE = 0.05
 """Of a measurement of the speed, to begin with [m/s]."""
