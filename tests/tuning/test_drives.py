@@ -17,7 +17,7 @@ DRY, SNOW = SURFACES["dry_asphalt"], SURFACES["snow"]
 
 
 def stop_on(surface, speed):
-    return Stop(speed=speed, road=Road((surface,)), logging=Logging(duration=2.0))
+    return Stop(speed=speed, road=Road((surface,)), logging=Logging(duration=1.2))
 
 
 def written(signals, folder):
@@ -51,7 +51,7 @@ def test_a_stop_is_no_drive():
     assert brakings(time, speed, rate, slowest=1.0, shortest=0.5) == []
 
 
-def test_every_braking_of_a_drive_has_its_road(tmp_path):
+def test_every_braking_of_a_drive_has_its_road(tmp_path, monkeypatch):
     stops = [stop_on(DRY, 22.0), stop_on(SNOW, 12.0)]
     signals, spans = drive(stops, rest=1.0)
     path = written(signals, tmp_path)
@@ -67,17 +67,19 @@ def test_every_braking_of_a_drive_has_its_road(tmp_path):
         assert braking.result.verdict == "sound"
         assert segment.peak_friction == pytest.approx(surface.peak_friction, rel=0.01)
         assert segment.peak_slip == pytest.approx(surface.peak_slip, abs=0.005)
+    monkeypatch.setattr("tuning.road.drive.identification_figures", lambda result, log, car, folder: [folder])
     report = drive_report(found, refused, Car(), tmp_path / "out")
     (rows,) = (table for title, table in report.tables.items() if "friction" in title)
     assert [row["braking"] for row in rows] == ["1", "2"] and report.verdict == "sound"
     assert any("braking 3 tells no road" in line for line in report.lines)
+    assert [path.name for path in report.files] == ["result.json", "braking_1", "braking_2"]
     with pytest.raises(LogError, match="1 brakings, and none tells a road; braking 3: a gap"):
         identify_brakings([gone], Car(), "burckhardt", progress=lambda said: None)
 
 
 def test_one_slip_does_not_tell_a_curve():
     rng, stop = np.random.default_rng(0), stop_on(DRY, 25.0)
-    held = steadily(stop, np.arange(25.0, 15.0, -4e-3), -4.0, rng)
+    held = steadily(stop, np.arange(25.0, 21.0, -4e-3), -4.0, rng)
     rolling = steadily(stop, np.full(200, 25.0), 0.0, rng)
     signals = {name: np.concatenate([rolling[name], held[name]]) for name in held}
     time = np.arange(len(signals["acceleration"])) * 1e-3

@@ -61,7 +61,7 @@ def test_parts_with_a_parameter_in_common_against_a_dense_solution():
 
 def of_two_axles(folder, *, lag=0.0, zero=0.0):
     sensors = dataclasses.replace(Sensors(), brake_pressure=Channel(0.2, quantum=0.05, bias=zero))
-    logging = Logging(duration=2.0, sensors=sensors)
+    logging = Logging(duration=1.3, sensors=sensors)
     stop = on_two_axles(Stop(speed=30.0, logging=logging), pitch_lag=lag)
     (record,) = simulate([stop])
     record.write_csv(folder / "log.csv")
