@@ -151,7 +151,18 @@ def read_brakings(
 ) -> list[BrakeLog | LogError]:
     """Read a log that may hold several brakings: the log of each, or why it cannot be used.
 
-    Args, raises: as `read_log`; a log of one braking is that of `read_log`.
+    A log of one braking is that of `read_log`.
+
+    Args:
+        path: as for `read_log`, as are the others.
+        columns: where they differ from `COLUMNS`.
+        start: of the window of time to use [s].
+        end: of that window [s].
+        radius: of the wheel [m].
+        edges: of the wheel, if its speed is made of them.
+
+    Raises:
+        LogError: as `read_log`.
     """
     path = Path(path)
     whole = _on_grid(path, columns, start, end, radius, edges)

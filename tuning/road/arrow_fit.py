@@ -117,7 +117,9 @@ def joint_fit(parts: Sequence[Part], shared: np.ndarray, *, lower: np.ndarray, p
 
     Args:
         parts: the parts.
-        shared, lower, prior: as for `arrow_fit`, of all parameters.
+        shared: start, of all parameters (p,).
+        lower: lower bounds (p,), as for `arrow_fit`.
+        prior: what is known of them.
 
     Returns:
         A `Fit` of each part: its parameters and its block of the covariance of all; cost and iterations are those of
