@@ -238,7 +238,9 @@ def _covariance(parts: Sequence[Part], there, prior: Prior):
         pulls.append((part.at, projected, np.einsum("lnp,ln->lp", projected, residual) / level, level))
         lanes += used
     bread = _inverse(information)
-    if lanes < 2 * len(known) + 2:
+    # Parameters, but for what was known of them before.
+    learnt = float(np.sum(1 - np.diag(bread) * prior.information))
+    if lanes < 2 * learnt + 2:
         return bread, bread
     meat = known
     for at, projected, scores, level in pulls:
