@@ -1,11 +1,12 @@
 """Identification on random stops of a simulator of its own: `python -m tests.attack.identification`.
 
-For each kind of log: how often the number of surfaces is right, how often the truth lies in the 95 % intervals, how far
-peak frictions are off, and the verdicts.
+For each kind of log: how often the number of surfaces is right, how often the truth lies in the 95 % intervals of what
+is called identifiable, how far its peak frictions are off, and the verdicts.
 """
 
 import argparse
 import collections
+import dataclasses
 import tempfile
 import time
 import traceback
@@ -47,6 +48,7 @@ def kinds(logs: int, seed: int) -> dict:
         "car off, unsaid": (random_stops(logs, seed + 4, scatter=OFF), None),
         "slow and late speed": (random_stops(logs, seed + 6, logging=gps), None),
         "two axles, slow speed": (two, "axle"),
+        "two axles that pitch, slow speed": ([dataclasses.replace(stop, pitch_lag=0.06) for stop in two], "axle"),
     }
 
 
@@ -83,9 +85,11 @@ def judged(records, results) -> dict:
             truth = {n: getattr(surface, n) for n in NAMES}
             for name in NAMES:
                 low, high = segment.ci95[name]
-                inside[name].append(low <= truth[name] <= high)
-            errors.append(abs(segment.peak_friction / truth["peak_friction"] - 1))
-            slips.append(abs(segment.peak_slip - truth["peak_slip"]))
+                if segment.identifiable[name]:
+                    inside[name].append(low <= truth[name] <= high)
+            if segment.identifiable["peak_friction"]:
+                errors.append(abs(segment.peak_friction / truth["peak_friction"] - 1))
+                slips.append(abs(segment.peak_slip - truth["peak_slip"]))
     verdicts = collections.Counter("failed" if r is None else r.verdict for r in results)
     return {
         "surfaces right": right / len(records),

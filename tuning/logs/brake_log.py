@@ -13,6 +13,7 @@ import numpy as np
 
 from tuning.logs.channel_map import BRAKING, COLUMNS, REQUIRED, Choice, Source, checked, parse_columns, sources_of
 from tuning.logs.checks import check_agreement, check_sampling, check_values
+from tuning.logs.drive import Window, brakings
 from tuning.logs.edge_channel import with_wheel_speed
 from tuning.logs.edge_speed import EdgeStudy
 from tuning.logs.grid import Signal, gaps_of, grid_of
@@ -132,6 +133,61 @@ def reading(
 ) -> Reading:
     """`read_log`, with what it was made of."""
     path = Path(path)
+    whole = _on_grid(path, columns, start, end, radius, edges)
+    log = _agreeing(path, whole.sources, _moving(path, whole.log), radius)
+    windows = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in _brakings(whole.log))
+    notes = (*log.notes, f"somebody brakes after speeding up: {windows}") if windows else log.notes
+    return whole._replace(log=dataclasses.replace(log, notes=notes))
+
+
+def read_brakings(
+    path: str | Path,
+    columns: Mapping[str, str | Choice] | None = None,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    radius: float = 0.3,
+    edges: EdgeStudy | None = None,
+) -> list[BrakeLog | LogError]:
+    """Read a log that may hold several brakings: the log of each, or why it cannot be used.
+
+    A log of one braking is that of `read_log`.
+
+    Args:
+        path: as for `read_log`, as are the others.
+        columns: where they differ from `COLUMNS`.
+        start: of the window of time to use [s].
+        end: of that window [s].
+        radius: of the wheel [m].
+        edges: of the wheel, if its speed is made of them.
+
+    Raises:
+        LogError: as `read_log`.
+    """
+    path = Path(path)
+    whole = _on_grid(path, columns, start, end, radius, edges)
+    windows = _brakings(whole.log)
+    if not windows:
+        return [_agreeing(path, whole.sources, _moving(path, whole.log), radius)]
+    found: list[BrakeLog | LogError] = []
+    for window in windows:
+        try:
+            found.append(_agreeing(path, whole.sources, _moving(path, whole.log.window(*window)), radius))
+        except LogError as error:
+            found.append(error)
+    return found
+
+
+def _brakings(log: BrakeLog) -> list[Window]:
+    """Those of a drive; none of a log of measured force, as of a rig."""
+    if log.force is not None:
+        return []
+    shortest = FEWEST_SAMPLES * log.period
+    return brakings(log.time, log.vehicle_speed, log.acceleration, slowest=SLOWEST, shortest=shortest)
+
+
+def _on_grid(path: Path, columns, start, end, radius: float, edges: EdgeStudy | None) -> Reading:
+    """The whole log, at rest and in motion."""
     recording = read_recording(path)
     columns = dict(columns or {})
     if edges is not None:
@@ -160,10 +216,12 @@ def reading(
         notes=(*recording.notes, *notes, *left_out, *empty, *signs, *notes_on(path, signals, qualities, grid)),
         doubts=(*(edges.reasons if edges else ()), *doubts_on(signals, qualities)),
     )
-    log = _moving(path, log)
-    doubts = check_agreement(path, sources, log, radius)
-    log = dataclasses.replace(log, doubts=(*log.doubts, *doubts))
     return Reading(log, sources, signals, qualities)
+
+
+def _agreeing(path: Path, sources: Mapping[str, Source], log: BrakeLog, radius: float) -> BrakeLog:
+    doubts = check_agreement(path, sources, log, radius)
+    return dataclasses.replace(log, doubts=(*log.doubts, *doubts))
 
 
 def _filled(path: Path, signals: list[Signal]) -> tuple[list[Signal], list[str]]:

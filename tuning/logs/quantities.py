@@ -38,6 +38,7 @@ KINDS: dict[str, Kind] = {
     "pressure_zero": Kind("bar", 0.0, 10.0, 1.5),
     "pressure_lag": Kind("s", 0.0, 0.01, 1.5e-3, low=0.0),
     "speed_delay": Kind("s", 0.0, 0.1, 8e-3),
+    "load_lag": Kind("s", 0.0, 0.1, 0.15, low=0.0),
     "acceleration_bias": Kind("m/s^2", 0.0, 0.3, 0.3),
     "slope": Kind("rad", 0.0, 0.05, 0.03),
     "force_zero": Kind("N", 0.0, 300.0, 50.0),

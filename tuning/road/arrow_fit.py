@@ -6,7 +6,7 @@ hundred shooting intervals cost what one costs, times a hundred. What is known o
 counts as one more residual, (p - mean) / spread.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +15,8 @@ MOST_ITERATIONS = 60
 LARGEST_LEVERAGE = 0.8
 NOTHING, UNKNOWN = 1e-200, 1e12
 """Information that is none, and the variance of a parameter that has none."""
+LARGEST_DAMPING = 1e-3
+"""With which a small step is one at the minimum."""
 LARGEST_SLOPE = 1e50
 """A step after which derivatives are larger, or no numbers, is not made."""
 RIDGE = 1e-10
@@ -78,6 +80,17 @@ class Fit(NamedTuple):
         return float(np.mean(np.maximum(ratio, 1.0))) if told.any() else 1.0
 
 
+class Part(NamedTuple):
+    """Lanes whose residuals depend on the same of the shared parameters, as those of one of several logs."""
+
+    evaluate: Evaluate
+    """by its own parameters, and its lanes' states"""
+    own: np.ndarray
+    """start (lanes, states)"""
+    at: np.ndarray
+    """where each of its parameters stands among all shared ones, (its parameters,)"""
+
+
 def arrow_fit(
     evaluate: Evaluate, shared: np.ndarray, own: np.ndarray, *, lower: np.ndarray, prior: Prior | None = None
 ) -> Fit:
@@ -93,44 +106,83 @@ def arrow_fit(
     Returns:
         A `Fit`; its cost is inf where the start has none.
     """
+    return joint_fit([Part(evaluate, own, np.arange(len(shared)))], shared, lower=lower, prior=prior)[0]
+
+
+def joint_fit(parts: Sequence[Part], shared: np.ndarray, *, lower: np.ndarray, prior: Prior | None = None) -> list[Fit]:
+    """Minimise the sum of squares of several parts, which have some of the shared parameters in common.
+
+    An arrow of arrows: each part's lanes are eliminated first, and what is left of it goes into the rows of the
+    parameters that it has.
+
+    Args:
+        parts: the parts.
+        shared: start, of all parameters (p,).
+        lower: lower bounds (p,), as for `arrow_fit`.
+        prior: what is known of them.
+
+    Returns:
+        A `Fit` of each part: its parameters and its block of the covariance of all; cost and iterations are those of
+        the whole.
+    """
     prior = Prior.none(len(shared)) if prior is None else prior
     damping, converged, iterations = 1e-4, False, 0
-    residual, by_shared, by_own = evaluate(shared, own)
-    cost = _cost(residual, shared, prior)
-    if not (np.isfinite(cost) and _moderate(by_shared, by_own)):
+    owns = [part.own for part in parts]
+    there = [part.evaluate(shared[part.at], own) for part, own in zip(parts, owns)]
+    cost = _cost(there, shared, prior)
+    if not (np.isfinite(cost) and _moderate(there)):
         nothing = np.full((len(shared), len(shared)), np.inf)
-        return Fit(shared, own, np.nan_to_num(residual), nothing, nothing, np.inf, 0, False)
+        return _split(parts, shared, owns, there, nothing, nothing, np.inf, 0, False)
     while iterations < MOST_ITERATIONS and not converged:
         iterations += 1
-        matrix, vector, own_inverse, cross, own_vector = _reduced(residual, by_shared, by_own, damping)
-        matrix = matrix + np.diag(prior.information)
-        vector = vector + prior.residual(shared) / prior.spread
+        reduced = [_reduced(*some, damping) for some in there]
+        matrix, vector = np.diag(prior.information), prior.residual(shared) / prior.spread
+        for part, some in zip(parts, reduced):
+            matrix[np.ix_(part.at, part.at)] += some.matrix
+            vector[part.at] += some.vector
         step = _bounded(matrix, vector, damping, lower - shared)
         trial_shared = np.maximum(shared + step, lower)
-        own_step = -np.einsum("lij,lj->li", own_inverse, own_vector + np.einsum("lpj,p->lj", cross, step))
-        trial = evaluate(trial_shared, own + own_step)
-        trial_cost = _cost(trial[0], trial_shared, prior)
-        if trial_cost <= cost and _moderate(*trial[1:]):
+        trial_owns = [own + some.own_step(step[part.at]) for part, own, some in zip(parts, owns, reduced)]
+        trial = [part.evaluate(trial_shared[part.at], own) for part, own in zip(parts, trial_owns)]
+        trial_cost = _cost(trial, trial_shared, prior)
+        if trial_cost <= cost and _moderate(trial):
             gain = (cost - trial_cost) / max(cost, 1e-300)
-            shared, own, cost = trial_shared, own + own_step, trial_cost
-            residual, by_shared, by_own = trial
+            shared, owns, cost, there = trial_shared, trial_owns, trial_cost, trial
+            # A step that damping keeps small says nothing of how far the minimum is.
+            small = gain < 1e-8 or bool(np.all(np.abs(step) <= 1e-9 * (np.abs(shared) + 1e-9)))
+            converged = small and damping <= LARGEST_DAMPING
             damping = max(damping / 10, 1e-12)
-            converged = gain < 1e-8 or bool(np.all(np.abs(step) <= 1e-9 * (np.abs(shared) + 1e-9)))
         else:
             damping *= 10
             converged = damping > 1e12
-    covariance, plain = _covariance(residual, by_shared, by_own, prior)
-    return Fit(shared, own, residual, covariance, plain, cost, iterations, converged)
+    covariance, plain = _covariance(parts, there, prior)
+    return _split(parts, shared, owns, there, covariance, plain, cost, iterations, converged)
 
 
-def _moderate(*slopes: np.ndarray) -> bool:
+def _split(parts, shared, owns, there, covariance, plain, cost, iterations, converged) -> list[Fit]:
+    return [
+        Fit(
+            shared[part.at],
+            own,
+            np.nan_to_num(residual),
+            covariance[np.ix_(part.at, part.at)],
+            plain[np.ix_(part.at, part.at)],
+            cost,
+            iterations,
+            converged,
+        )
+        for part, own, (residual, *_) in zip(parts, owns, there)
+    ]
+
+
+def _moderate(there) -> bool:
     """Whether derivatives are numbers that can be squared."""
-    return all(np.abs(some).max(initial=0.0) < LARGEST_SLOPE for some in slopes)
+    return all(np.abs(some).max(initial=0.0) < LARGEST_SLOPE for _, *slopes in there for some in slopes)
 
 
-def _cost(residual, shared, prior: Prior) -> float:
+def _cost(there, shared, prior: Prior) -> float:
     with np.errstate(over="ignore", invalid="ignore"):
-        return float(np.sum(residual**2) + np.sum(prior.residual(shared) ** 2))
+        return float(sum(np.sum(residual**2) for residual, *_ in there) + np.sum(prior.residual(shared) ** 2))
 
 
 def _bounded(matrix, vector, damping, least):
@@ -155,7 +207,21 @@ def _solved(matrix, vector, damping):
     return solution
 
 
-def _reduced(residual, by_shared, by_own, damping):
+class _Reduced(NamedTuple):
+    """Normal equations of a part, its lanes' states eliminated."""
+
+    matrix: np.ndarray
+    vector: np.ndarray
+    own_inverse: np.ndarray
+    cross: np.ndarray
+    own_vector: np.ndarray
+
+    def own_step(self, step: np.ndarray) -> np.ndarray:
+        """Of the lanes' states, for a step of the part's parameters."""
+        return -np.einsum("lij,lj->li", self.own_inverse, self.own_vector + np.einsum("lpj,p->lj", self.cross, step))
+
+
+def _reduced(residual, by_shared, by_own, damping) -> _Reduced:
     own_matrix = np.einsum("lni,lnj->lij", by_own, by_own)
     diagonal = np.einsum("lii->li", own_matrix)
     # A lane that carries no weight has no state to find.
@@ -166,26 +232,36 @@ def _reduced(residual, by_shared, by_own, damping):
     flat = by_shared.reshape(-1, by_shared.shape[2])
     matrix = flat.T @ flat - np.einsum("lpi,lij,lqj->pq", cross, own_inverse, cross, optimize=True)
     vector = flat.T @ residual.ravel() - np.einsum("lpi,lij,lj->p", cross, own_inverse, own_vector, optimize=True)
-    return matrix, vector, own_inverse, cross, own_vector
+    return _Reduced(matrix, vector, own_inverse, cross, own_vector)
 
 
-def _covariance(residual, by_shared, by_own, prior: Prior):
+def _covariance(parts: Sequence[Part], there, prior: Prior):
     """Sandwich covariance with lanes as clusters, and not less than the one of independent residuals."""
-    matrix, _, own_inverse, cross, _ = _reduced(residual, by_shared, by_own, 0.0)
-    projected = by_shared - np.einsum("lni,lij,lpj->lnp", by_own, own_inverse, cross, optimize=True)
-    scores = np.einsum("lnp,ln->lp", projected, residual)
-    used = np.any(residual != 0, axis=1)
-    lanes, size = int(used.sum()), int(np.count_nonzero(residual))
-    spare = max(size - matrix.shape[0] - lanes * by_own.shape[2], 1)
-    level = np.sum(residual**2) / spare
-    bread = _inverse(matrix / level + np.diag(prior.information))
-    if lanes < 2 * matrix.shape[0] + 2:
+    known = np.diag(prior.information)
+    information, pulls, lanes = known.copy(), [], 0
+    for part, (residual, by_shared, by_own) in zip(parts, there):
+        reduced = _reduced(residual, by_shared, by_own, 0.0)
+        by_state = np.einsum("lij,lpj->lip", reduced.own_inverse, reduced.cross)
+        projected = by_shared - np.einsum("lni,lip->lnp", by_own, by_state)
+        used, size = int(np.any(residual != 0, axis=1).sum()), int(np.count_nonzero(residual))
+        spare = max(size - len(part.at) - used * by_own.shape[2], 1)
+        level = np.sum(residual**2) / spare
+        information[np.ix_(part.at, part.at)] += reduced.matrix / level
+        pulls.append((part.at, projected, np.einsum("lnp,ln->lp", projected, residual) / level, level))
+        lanes += used
+    bread = _inverse(information)
+    # Parameters, but for what was known of them before.
+    learnt = float(np.sum(1 - np.diag(bread) * prior.information))
+    if lanes < 2 * learnt + 2:
         return bread, bread
-    # A lane that pulls hard leaves less of its own error in the residual (Bell and McCaffrey 2002).
-    leverage = np.einsum("lnp,pq,lnq->l", projected, bread, projected, optimize=True) / level
-    scores = scores / np.sqrt(1 - np.minimum(leverage, LARGEST_LEVERAGE))[:, None]
-    meat = scores.T @ scores / level**2
-    robust = bread @ (meat + np.diag(prior.information)) @ bread
+    meat = known
+    for at, projected, scores, level in pulls:
+        # A lane that pulls hard leaves less of its own error in the residual (Bell and McCaffrey 2002).
+        block = bread[np.ix_(at, at)]
+        leverage = np.einsum("lnp,pq,lnq->l", projected, block, projected, optimize=True) / level
+        scores = scores / np.sqrt(1 - np.minimum(leverage, LARGEST_LEVERAGE))[:, None]
+        meat[np.ix_(at, at)] += scores.T @ scores
+    robust = bread @ meat @ bread
     told = np.diag(robust) > NOTHING
     ratio = np.diag(robust)[told] / np.diag(bread)[told]
     raised = np.ones(len(told))

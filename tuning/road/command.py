@@ -69,12 +69,14 @@ def identified(
     """Report of the friction curve of a log."""
     from tuning.core.files import write_json
     from tuning.core.report import Report
-    from tuning.logs.brake_log import read_log
+    from tuning.logs.brake_log import read_brakings, read_log
     from tuning.logs.car import Car, read_car
     from tuning.logs.channel_map import declarations
+    from tuning.logs.recording import LogError
+    from tuning.road.drive import drive_report, identify_brakings
     from tuning.road.figures import identification_figures
     from tuning.road.identify import identify
-    from tuning.road.report import identification_rows, quantity_rows
+    from tuning.road.report import identification_rows, quantity_rows, told_lines
     from tuning.road.together import identify_together
 
     known = Car() if car is None else read_car(car)
@@ -82,21 +84,28 @@ def identified(
         known = dataclasses.replace(known, wheel=dataclasses.replace(known.wheel, load=load))
     wheel = known.wheel
     say(f"car: {car or 'default wheel'}, load {float(wheel.load):g} N, radius {float(wheel.radius):g} m")
-    data = read_log(log, declarations(columns, channels), start=start, end=end, radius=float(wheel.radius), edges=edges)
-    others = [read_log(path, declarations(columns, channels), radius=float(wheel.radius)) for path in beside]
+    radius = float(wheel.radius)
+    logs = read_brakings(log, declarations(columns, channels), start=start, end=end, radius=radius, edges=edges)
+    others = [read_log(path, declarations(columns, channels), radius=radius) for path in beside]
 
     def progress(text):
         say(f"  {text}")
 
+    if len(logs) > 1:
+        if others:
+            raise LogError(f"{log}: {len(logs)} brakings; with other logs beside, choose one by --from and --to")
+        found, refused = identify_brakings(logs, known, tyre, progress=progress)
+        return drive_report(found, refused, known, out)
+    (data,) = logs
+    if isinstance(data, LogError):
+        raise data
     if others:
         result = identify_together([data, *others], known, tyre, progress=progress)[0]
     else:
         result = identify(data, known, tyre, progress=progress)
-    lines = list(result.notes)
-    lines += [f"{segment.start:.3f} s: {said}" for segment in result.segments for said in segment.statements]
     files = [write_json(out / "result.json", result.to_json()), *identification_figures(result, data, known, out)]
     title = f"the road's friction curve, +- 95 %: {result.log}"
     tables = {title: identification_rows(result)}
     if result.quantities:
         tables["the car's own quantities, +- 95 %"] = quantity_rows(result)
-    return Report(tables, lines, files, verdict=result.verdict, reasons=result.reasons)
+    return Report(tables, told_lines(result), files, verdict=result.verdict, reasons=result.reasons)

@@ -7,9 +7,13 @@ import numpy as np
 from absjax.plant.wheel import GRAVITY, Wheel
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.car import Car
+from tuning.logs.quantities import Prior
 from tuning.logs.tables import LogError
+from tuning.road.noise import noise_of
+from tuning.road.output_error import lagged
 from tuning.road.samples import is_rig, rate_of
-from tuning.road.vehicle_speed import SIGNIFICANT, SLOW, Motion, interval_of, measured, motion_of
+from tuning.road.sampling import interval_of, measured
+from tuning.road.vehicle_speed import SIGNIFICANT, SLOW, Motion, motion_of
 
 LEAST_DECELERATION = 0.7
 """m/s^2; less is not braking"""
@@ -19,10 +23,12 @@ LEAST_RANGE = 0.03
 ROLLING = 0.4
 """Deceleration below which a wheel counts as rolling freely [m/s^2]."""
 FEWEST_ROLLING = 20
+RISEN, LEAST_SPREAD = 5.0, 0.02
+"""Noises from which a pressure has risen; standard deviation of its zero before it has, at the least [bar]."""
 CALM = 0.1
 """Window over which a deceleration counts [s]."""
-LOADING = 0.02
-"""Window over which it moves the load [s]."""
+LOAD_LAG = 0.03
+"""Where the search for the lag of a load begins that nobody says is moved at once [s]."""
 BRAKE_RANGE = (0.1, 100.0)
 """Brake efficiency that is believed, over the known one: a unit of pressure may be another."""
 REFRESHED = 0.02
@@ -38,12 +44,20 @@ class Start:
     """with the vehicle's speed advanced by the delay found, or taken from the acceleration where it is slow"""
     share: np.ndarray | None
     """load over that of the wheel, (samples,), where the vehicle's speed is imposed"""
+    transferred: bool
+    """whether that is reckoned from the acceleration; it then may lag behind it"""
     values: dict[str, float]
     """what quantities are about"""
+    rest: Prior | None
+    """zero of the pressure, as it is before anybody brakes"""
     motion: Motion | None
     slow: bool
     """whether the vehicle's speed was taken from the acceleration"""
     notes: list[str]
+
+    def load_behind(self, lag: float) -> np.ndarray | None:
+        """`share` with a lag [s], where it may lag."""
+        return self.share if self.share is None or not self.transferred else lagged(self.share, self.log.period, lag)
 
     def wheel(self, car: Car) -> Wheel:
         """The car's wheel with the radius found."""
@@ -81,15 +95,19 @@ def require_braking(log: BrakeLog, radius: float) -> None:
         )
 
 
-def load_share(log: BrakeLog, car: Car) -> np.ndarray | None:
-    """Load over that of the wheel at rest, (samples,); None where nothing says that it changes."""
+def load_share(log: BrakeLog, car: Car) -> tuple[np.ndarray | None, bool]:
+    """Load over that of the wheel at rest, (samples,), and whether it is reckoned from the acceleration, without lag.
+
+    None where nothing says that it changes.
+    """
     if log.load is not None and (
         np.ptp(log.load) > CHANGING_LOAD * np.mean(log.load) or is_rig(log) or log.force is not None
     ):
-        return log.load / float(car.wheel.load)
+        return log.load / float(car.wheel.load), False
     if car.axle is not None:
-        return car.axle.load_share(-deceleration_of(log, LOADING))
-    return np.ones(len(log.time)) if is_rig(log) else None
+        felt = rate_of(log, log.vehicle_speed) if log.acceleration is None else log.acceleration
+        return car.axle.load_share(felt), True
+    return (np.ones(len(log.time)) if is_rig(log) else None), False
 
 
 def begin(log: BrakeLog, car: Car) -> Start:
@@ -119,10 +137,33 @@ def begin(log: BrakeLog, car: Car) -> Start:
         values["radius"] = float(np.median(log.vehicle_speed[rolling] / log.wheel_speed[rolling]))
         if log.brake_pressure is not None:
             values["pressure_zero"] = float(np.median(log.brake_pressure[rolling]))
-    share = load_share(log, car)
+    rest = None
+    if rolling.sum() >= FEWEST_ROLLING and log.brake_pressure is not None and not is_rig(log):
+        rest = _at_rest(log, dataclasses.replace(car.wheel, radius=values["radius"]), rolling, motion)
+    share, transferred = load_share(log, car)
+    if not transferred:
+        values["load_lag"] = 0.0
+    elif car.priors["load_lag"].spread > 0 and values["load_lag"] == 0:
+        values["load_lag"] = LOAD_LAG
     if share is None and log.acceleration is not None and log.brake_pressure is not None:
         values |= _brake(log, dataclasses.replace(car.wheel, radius=values["radius"]))
-    return Start(log, share, values, motion, slow, notes)
+    return Start(log, share, transferred, values, rest, motion, slow, notes)
+
+
+def _at_rest(log: BrakeLog, wheel: Wheel, rolling: np.ndarray, motion: Motion | None) -> Prior | None:
+    """Zero of the pressure by the samples before it rises: P + R Fz a / (g gamma_b), a bias of a not known."""
+    assert log.brake_pressure is not None
+    pressure, level = log.brake_pressure, noise_of(log, "brake_pressure", rolling)
+    risen = np.abs(pressure - np.median(pressure[rolling][:FEWEST_ROLLING])) > RISEN * level
+    before = rolling & (np.cumsum(risen) == 0)
+    if before.sum() < FEWEST_ROLLING:
+        return None
+    rate = -deceleration_of(log) if log.acceleration is None else log.acceleration
+    bias = ROLLING / 2 if motion is None else float(np.hypot(*motion.bias))
+    per_acceleration = float(wheel.radius * wheel.load / (GRAVITY * wheel.brake_efficiency))
+    zeros = pressure[before] + per_acceleration * rate[before]
+    spread = np.hypot(np.std(zeros) / np.sqrt(before.sum()), per_acceleration * bias)
+    return Prior(float(np.mean(zeros)), float(np.hypot(spread, LEAST_SPREAD)), False)
 
 
 def _brake(log: BrakeLog, wheel: Wheel) -> dict[str, float]:

@@ -65,7 +65,7 @@ def samples_as_fitted(start: Start, car: Car, values: dict[str, float]) -> tuple
     """
     wheel = {name: values[name] for name in KINDS if KINDS[name].wheel}
     log = corrected(start.log, {**values, "speed_delay": values["speed_delay"] - start.values["speed_delay"]})
-    return log, friction_samples(log, dataclasses.replace(car.wheel, **wheel), start.share)
+    return log, friction_samples(log, dataclasses.replace(car.wheel, **wheel), start.load_behind(values["load_lag"]))
 
 
 def clear_of_changes(time: np.ndarray, stretches: list[Stretch]) -> list[np.ndarray]:
@@ -91,6 +91,12 @@ def peak_of(curve: Curve, coefficients: np.ndarray) -> float:
 def peak_slip_of(curve: Curve, coefficients: np.ndarray) -> float:
     """Slip of the peak, a magnitude."""
     return float(curve.tyre(map(float, coefficients)).peak().slip)
+
+
+def anyones_guess(coefficients: np.ndarray, widths: np.ndarray) -> bool:
+    """Whether a log says nothing of a curve: its largest coefficient is not known to within itself."""
+    most = int(np.argmax(np.abs(coefficients)))
+    return not widths[most] < abs(coefficients[most])
 
 
 def largest_slip(slip: np.ndarray) -> float:

@@ -1,73 +1,32 @@
-"""The curves of all surfaces of a log and the car's quantities, fitted together by output error."""
+"""What a log's fit by output error comes to: curves, quantities, misfit, and profiles of the intervals."""
+
+from collections.abc import Collection, Sequence
 
 import numpy as np
 from scipy.stats import t as student
 
-from tuning.logs.car import Car
 from tuning.logs.quantities import KINDS, Z95, Quantity
-from tuning.road.arrow_fit import Fit, Prior
-from tuning.road.changes import Stretch, find_stretches
-from tuning.road.conditions import Start
-from tuning.road.curve import Curve
-from tuning.road.fitted import (
-    GUARD,
-    Fitted,
-    FittedStretch,
-    Say,
-    changes_of,
-    clear_of_changes,
-    largest_slip,
-    peak_of,
-    peak_slip_of,
-    samples_as_fitted,
-    told_of,
-)
+from tuning.road.fitted import Fitted, FittedStretch, changes_of, largest_slip, peak_of, samples_as_fitted
 from tuning.road.noise import noise_of
-from tuning.road.output_error import CAR, SHARED, Shooting, fit_output_error, shooting
-from tuning.road.selection import selected
-
-SWEEPS = 3
-"""Fits with the noise of the channels taken from the fit before."""
-ROUNDS = 3
-"""Searches for the changes, each with the quantities of the fit before."""
-MATERIAL = 0.03
-"""Share of the larger friction by which two curves have to differ somewhere to be two surfaces."""
-TRANSFERRED = 1e-3
-"""Standard deviation of a load that is reckoned from the acceleration, as a share."""
-LEAST_SHARE = 0.1
-"""Of what a quantity of the wheel is known as: it may not be less."""
-SMALLEST_PEAK_SLIP = 2e-3
-"""No tyre has its peak at less: a curve that has it there was fitted to something else."""
-DISTINCT = 0.25
-"""The same share from which nobody asks whether one curve would do."""
-FEWEST_INTERVALS = 4
-"""Shooting intervals of a surface; shorter ones go to a neighbour."""
+from tuning.road.output_error import CAR
+from tuning.road.settling import Settled
+from tuning.road.shooting_fit import Task, fit_shooting
 
 
-def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fitted:
-    """By `tuning.road.output_error`."""
-    values = dict(start.values)
-    stretches, fit, problem, free = [], None, None, frozenset()
-    for _ in range(ROUNDS):
-        samples = samples_as_fitted(start, car, values)[1]
-        found = find_stretches(samples)
-        if fit is not None and _alike(found, stretches, samples.time):
-            break
-        say(f"{len(found)} surface{'s' if len(found) > 1 else ''} found in friction from {samples.source}")
-        stretches = found
-        guesses = [curve.near(np.maximum(stretch.coefficients, 1e-3)) for stretch in stretches]
-        problem = _intervals(curve, start, stretches, values)
-        fit, problem, free = _settled(problem, guesses, start, car, values)
-        values |= _values(fit.shared, start)
-    assert fit is not None and problem is not None
-    stretches, fit, problem = _merged(curve, stretches, fit, problem, start, car, free)
-    values |= _values(fit.shared, start)
-    samples, size = samples_as_fitted(start, car, values)[1], len(curve.names)
-    coefficients = fit.shared[: len(stretches) * size].reshape(-1, size)
-    say(f"output error: {told_of(curve, coefficients)} after {fit.iterations} iterations")
+def fitted_of(found: Settled, beside: Sequence[Task] = (), common: Collection[str] = ()) -> Fitted:
+    """Everything that the fit of a log says.
+
+    Args:
+        found: the log and its fit.
+        beside: fits of other logs, where it was fitted with them.
+        common: the quantities that they have in common.
+    """
+    curve, start, stretches, problem, fit = found.curve, found.start, found.stretches, found.problem, found.fit
+    samples, size = samples_as_fitted(start, found.car, found.values)[1], len(curve.names)
+    coefficients = found.coefficients
     own = {name: noise_of(start.log, name, problem.used) for name in problem.levels(fit.residual)}
     levels = problem.levels(fit.residual)
-    profiles = _profiles(problem, fit, len(stretches), start, car, free)
+    profiles = _profiles(found, beside, common)
     changes = changes_of(curve, samples, stretches, coefficients)
     edges = [float(samples.time[0]), *(at for at, _ in changes), float(samples.time[-1])]
     parts = []
@@ -95,7 +54,7 @@ def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fi
     return Fitted(
         parts,
         [blend for _, blend in changes],
-        _quantities(fit, start, car, len(stretches) * size),
+        quantities_of(found),
         {name: level / own[name] for name, level in levels.items()},
         "output error",
         problem.imposed,
@@ -103,168 +62,29 @@ def fitted_by_output_error(curve: Curve, start: Start, car: Car, say: Say) -> Fi
     )
 
 
-def _alike(found: list[Stretch], before: list[Stretch], time: np.ndarray) -> bool:
-    if len(found) != len(before):
-        return False
-    return all(abs(time[a.first] - time[b.first]) < GUARD for a, b in zip(found, before))
-
-
-def _intervals(curve: Curve, start: Start, stretches: list[Stretch], values: dict[str, float]) -> Shooting:
-    log = start.log
-    late = log.time <= log.time[-1] - max(values["speed_delay"], 0.0)
-    masks = [inside & late for inside in clear_of_changes(log.time, stretches)]
-    middle = 0.0 if start.motion is None else start.motion.middle
-    return shooting(curve, log, masks, values["radius"], start.share, middle)
-
-
-def _candidates(start: Start, car: Car) -> tuple[list[str], list[str]]:
-    """Quantities that are free in any case, since the car file says how well it knows them, and those that may be."""
-    imposed, told = start.share is not None, start.log.acceleration is not None
-    cannot = {"load"}
-    if imposed:
-        cannot |= {"brake_efficiency", "inertia"}
-    if imposed or not told:
-        cannot |= {"slope", "acceleration_bias", "speed_delay"}
-    if start.slow:
-        cannot |= {"speed_delay"}
-    priors = car.priors
-    always = [name for name in CAR if priors[name].stated and priors[name].spread > 0]
-    if start.values["speed_delay"] != priors["speed_delay"].value:
-        always.append("speed_delay")
-    always = [name for name in always if name not in cannot or name in ("load", "brake_efficiency", "inertia")]
-    maybe = [
-        name
-        for name in CAR
-        if name not in always and not priors[name].stated and priors[name].spread > 0 and name not in cannot
-    ]
-    return always, maybe
-
-
-def _prior(problem: Shooting, surfaces: int, start: Start, car: Car, free: frozenset[str]) -> Prior:
-    """Nothing of the coefficients; of the car's quantities what is known, those not free fixed."""
-    size, priors = len(problem.curve.names), car.priors
-    means = {name: priors[name].value for name in CAR}
-    means["speed_delay"] = means["speed_delay"] - start.values["speed_delay"] if "speed_delay" in free else 0.0
-    spreads = [priors[name].spread if name in free else 0.0 for name in CAR]
-    if start.share is not None and car.axle is not None and start.log.load is None and "load" not in free:
-        spreads[CAR.index("load")] = TRANSFERRED * priors["load"].value
-    course = start.motion.spreads if start.slow and start.motion is not None else (0.0, 0.0)
-    return Prior(
-        np.concatenate([np.zeros(surfaces * size), [means[name] for name in CAR], [0.0, 0.0]]),
-        np.concatenate([np.full(surfaces * size, np.inf), spreads, course]),
-    )
-
-
-def _settled(problem: Shooting, guesses, start: Start, car: Car, values) -> tuple[Fit, Shooting, frozenset[str]]:
-    """The fit, with the noise of each channel as the fit of all that may be free has it, and what had to be free."""
-    always, maybe = _candidates(start, car)
-    begin = {**values, "speed_delay": values["speed_delay"] - start.values["speed_delay"]}
-    shared = np.concatenate([*guesses, [begin[name] for name in CAR], [0.0, 0.0]])
-    own, everything = problem.start(), frozenset([*always, *maybe])
-    for _ in range(SWEEPS):
-        fit = _fit(problem, len(guesses), shared, own, start, car, everything)
-        shared, own = fit.shared, fit.own
-        problem = problem.with_noise(problem.levels(fit.residual))
-    free, fit = selected(lambda names: _fit(problem, len(guesses), shared, own, start, car, names), always, maybe)
-    return fit, problem, free
-
-
-def _fit(
-    problem: Shooting, surfaces: int, shared, own, start: Start, car: Car, free: frozenset[str], held: int | None = None
-) -> Fit:
-    """The fit with some quantities free; a parameter that is `held` stays where it starts."""
-    least = [LEAST_SHARE * car.priors[name].value if KINDS[name].wheel else KINDS[name].low for name in CAR]
-    lower = np.concatenate([np.tile(problem.curve.lower + 1e-6, surfaces), least, [-np.inf, -np.inf]])
-    prior = _prior(problem, surfaces, start, car, free)
-    if held is not None:
-        prior.mean[held], prior.spread[held] = shared[held], 0.0
-    return fit_output_error(problem, shared, own, lower=lower, prior=prior)
-
-
-def _profiles(problem: Shooting, fit: Fit, surfaces: int, start: Start, car: Car, free: frozenset[str]):
+def _profiles(found: Settled, beside: Sequence[Task], common: Collection[str]) -> list[dict[str, tuple[float, float]]]:
     """Profile of the sum of squares at the ends of each coefficient's interval, all else fitted anew, by surface."""
-    size, profiles = len(problem.curve.names), []
-    for surface in range(surfaces):
-        found = {}
-        for k, name in enumerate(problem.curve.names):
+    fit, size, profiles = found.fit, len(found.curve.names), []
+    for surface in range(len(found.stretches)):
+        profile = {}
+        for k, name in enumerate(found.curve.names):
             at = surface * size + k
             width = Z95 * float(np.sqrt(fit.plain[at, at]))
             if not 0 < width < abs(fit.shared[at]):
                 continue
             sides = []
             for end in (-width, width):
-                shared = fit.shared.copy()
-                shared[at] += end
-                again = _fit(problem, surfaces, shared, fit.own, start, car, free, held=at)
+                again = fit_shooting([found.task((at, end)), *beside], common)[0]
                 sides.append(float(np.sqrt(max(again.cost - fit.cost, 0.0))) / Z95)
-            found[name] = (sides[0], sides[1])
-        profiles.append(found)
+            profile[name] = (sides[0], sides[1])
+        profiles.append(profile)
     return profiles
 
 
-def _values(shared: np.ndarray, start: Start) -> dict[str, float]:
-    found: dict[str, float] = dict(zip(CAR, map(float, shared[len(shared) - SHARED :])))
-    found["speed_delay"] += start.values["speed_delay"]
-    return found
-
-
-def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, car: Car, free: frozenset[str]):
-    """Neighbours that one curve serves as well, or that differ by too little, made one."""
-    size = len(curve.names)
-    while len(stretches) > 1:
-        coefficients = fit.shared[: len(stretches) * size].reshape(-1, size)
-        best = None
-        for i in range(len(stretches) - 1):
-            intervals = [int(np.any(problem.weight[problem.surface == k] > 0, axis=(1, 2)).sum()) for k in (i, i + 1)]
-            seen = min(_reached(problem, k) for k in (i, i + 1))
-            apart = _apart(curve, coefficients[i], coefficients[i + 1], seen)
-            strange = min(peak_slip_of(curve, coefficients[k]) for k in (i, i + 1)) < SMALLEST_PEAK_SLIP
-            short = min(intervals) < FEWEST_INTERVALS
-            if apart > DISTINCT and not (strange or short):
-                continue
-            fewer = [*stretches[:i], _joined(stretches[i], stretches[i + 1]), *stretches[i + 2 :]]
-            keep = i if _length(stretches[i]) >= _length(stretches[i + 1]) else i + 1
-            guesses = [*coefficients[:i], coefficients[keep], *coefficients[i + 2 :]]
-            other = problem._replace(surface=np.where(problem.surface > i, problem.surface - 1, problem.surface))
-            shared = np.concatenate([*guesses, fit.shared[len(fit.shared) - SHARED :]])
-            again = _fit(other, len(guesses), shared, fit.own, start, car, free)
-            points = int(np.count_nonzero(problem.weight[np.isin(problem.surface, (i, i + 1))]))
-            penalty = fit.inflation * (size + 1) * np.log(max(points, 2))
-            needless = again.cost - fit.cost < penalty or apart < MATERIAL or strange or short
-            if needless and (best is None or again.cost < best[1].cost):
-                best = fewer, again, other
-        if best is None:
-            break
-        stretches, fit, problem = best
-    return stretches, fit, problem
-
-
-def _reached(problem: Shooting, surface: int) -> float:
-    """Largest slip of the intervals of a surface, about."""
-    lanes = problem.index[(problem.surface == surface) & np.any(problem.weight > 0, axis=(1, 2))]
-    slip = problem.radius * problem.log.wheel_speed[lanes] / problem.log.vehicle_speed[lanes] - 1
-    return largest_slip(slip.ravel())
-
-
-def _apart(curve: Curve, one, other, seen: float) -> float:
-    """How far two curves are apart up to the slip that both have seen, as a share of the larger friction there."""
-    slips = -np.linspace(0.0, max(seen, 0.01), 61)
-    pair = [np.asarray(curve.tyre(map(float, c)).friction(slips)) for c in (one, other)]
-    return float(np.abs(pair[0] - pair[1]).max() / np.abs(pair).max())
-
-
-def _joined(first: Stretch, second: Stretch) -> Stretch:
-    longer = first if _length(first) >= _length(second) else second
-    return Stretch(first.first, second.last, longer.coefficients, first.residual + second.residual)
-
-
-def _length(stretch: Stretch) -> int:
-    return stretch.last - stretch.first
-
-
-def _quantities(fit: Fit, start: Start, car: Car, first: int) -> dict[str, Quantity]:
+def quantities_of(found: Settled) -> dict[str, Quantity]:
     """Those that were free, or found before the fit."""
-    priors, found = car.priors, {}
+    fit, start, priors, told = found.fit, found.start, found.car.priors, {}
+    first = found.coefficients.size
     for i, name in enumerate(CAR):
         value, spread = float(fit.shared[first + i]), float(np.sqrt(fit.covariance[first + i, first + i]))
         if name == "speed_delay":
@@ -273,8 +93,8 @@ def _quantities(fit: Fit, start: Start, car: Car, first: int) -> dict[str, Quant
                 spread = start.motion.delay_spread
         if spread > 0 and (name != "load" or priors[name].stated):
             prior = priors[name]
-            found[name] = Quantity(float(value), float(spread), prior.value, prior.spread, KINDS[name].unit)
-    return found
+            told[name] = Quantity(float(value), float(spread), prior.value, prior.spread, KINDS[name].unit)
+    return told
 
 
 def _few(freedom: int) -> float:

@@ -25,8 +25,8 @@ from tuning.road.fitted import (
 )
 from tuning.road.noise import noise_of
 from tuning.road.samples import FrictionSamples, balanced_force
+from tuning.road.sampling import measured
 from tuning.road.selection import selected
-from tuning.road.vehicle_speed import measured
 
 ZERO_SHARE = 0.003
 """Of the load, by which the balance of a wheel is off at the least."""

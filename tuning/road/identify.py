@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,10 +20,11 @@ from tuning.logs.quantities import KINDS, Z95, Quantity
 from tuning.logs.tables import LogError
 from tuning.road import conditions, verdict
 from tuning.road.curve import Curve
-from tuning.road.fitted import Fitted, FittedStretch, samples_as_fitted
-from tuning.road.fitting import SMALLEST_PEAK_SLIP, fitted_by_output_error
+from tuning.road.fitted import Fitted, FittedStretch, anyones_guess, samples_as_fitted
+from tuning.road.fitting import fitted_of
 from tuning.road.fitting_by_curve import fitted_by_curve
 from tuning.road.samples import FrictionSamples
+from tuning.road.settling import SMALLEST_PEAK_SLIP, settled
 
 STEEPEST = 2.1875
 """Steepest slope of the blend of `ChangingRoad`, times its length."""
@@ -151,6 +152,51 @@ class Identification:
         return cls(**{**data, "segments": segments, "quantities": quantities})
 
 
+class Case(NamedTuple):
+    """A log that was found fit to identify a road from, and what is known of its car."""
+
+    log: BrakeLog
+    car: Car
+    kind: str
+    """of the tyre curve"""
+    curve: Curve
+    start: conditions.Start
+
+    @classmethod
+    def of(cls, log: BrakeLog, car: Car, kind: str) -> "Case":
+        """Check a log, and see what it says before any fit; errors are those of `identify`."""
+        curve = Curve(component("tyre", kind, TYRES, Tyre))
+        _check_uniform(log)
+        conditions.require_braking(log, float(car.wheel.radius))
+        return cls(log, car, kind, curve, conditions.begin(log, car))
+
+    @property
+    def by_curve(self) -> bool:
+        """Whether the friction is measured, sample by sample."""
+        return self.log.force is not None or self.log.brake_pressure is None
+
+    def concluded(self, fitted: Fitted) -> Identification:
+        """What the fit says of the road, with a verdict."""
+        log, car = self.log, self.car
+        segments = [_segment(self.kind, self.curve, stretch, fitted.method) for stretch in fitted.stretches]
+        wheel = {f.name: float(getattr(car.wheel, f.name)) for f in dataclasses.fields(car.wheel)}
+        wheel |= {name: found.value for name, found in fitted.quantities.items() if KINDS[name].wheel}
+        word, reasons = verdict.judged(log, car, self.start, fitted)
+        if word == "refuted":
+            segments = [_withheld(segment) for segment in segments]
+        return Identification(
+            log.name,
+            segments,
+            fitted.blends,
+            wheel,
+            fitted.quantities,
+            word,
+            reasons,
+            [*log.notes, *self.start.notes, *fitted.notes],
+            fitted.misfit,
+        )
+
+
 def identify(
     log: BrakeLog, car: Car | Wheel | None = None, kind: str = "burckhardt", *, progress=lambda message: None
 ) -> Identification:
@@ -172,31 +218,12 @@ def identify(
         LogError: if the sampling is not uniform, or the log never brakes.
         ConfigError: if there is no such tyre curve.
     """
-    car, curve = Car.of(car), Curve(component("tyre", kind, TYRES, Tyre))
-    _check_uniform(log)
-    conditions.require_braking(log, float(car.wheel.radius))
-    start = conditions.begin(log, car)
+    case = Case.of(log, Car.of(car), kind)
     # The fits need double precision whatever the caller works in.
     with jax.enable_x64(True):
-        by_curve = log.force is not None or log.brake_pressure is None
-        fitted = (fitted_by_curve if by_curve else fitted_by_output_error)(curve, start, car, progress)
-        segments = _segments(kind, curve, fitted)
-    wheel = {f.name: float(getattr(car.wheel, f.name)) for f in dataclasses.fields(car.wheel)}
-    wheel |= {name: found.value for name, found in fitted.quantities.items() if KINDS[name].wheel}
-    word, reasons = verdict.judged(log, car, start, fitted)
-    if word == "refuted":
-        segments = [_withheld(segment) for segment in segments]
-    return Identification(
-        log.name,
-        segments,
-        fitted.blends,
-        wheel,
-        fitted.quantities,
-        word,
-        reasons,
-        [*log.notes, *start.notes, *fitted.notes],
-        fitted.misfit,
-    )
+        if case.by_curve:
+            return case.concluded(fitted_by_curve(case.curve, case.start, case.car, progress))
+        return case.concluded(fitted_of(settled(case.curve, case.start, case.car, progress)))
 
 
 def _check_uniform(log: BrakeLog) -> None:
@@ -208,10 +235,6 @@ def _check_uniform(log: BrakeLog) -> None:
             f"{log.name}: sampling is not uniform, the step is {steps[at]:g} s at {log.time[at]:g} s and "
             f"{log.period:g} s as a rule; resample the log to a uniform grid first"
         )
-
-
-def _segments(kind: str, curve: Curve, fitted: Fitted) -> list[Segment]:
-    return [_segment(kind, curve, stretch, fitted.method) for stretch in fitted.stretches]
 
 
 def _withheld(segment: Segment) -> Segment:
@@ -267,6 +290,7 @@ def _segment(kind, curve: Curve, found: FittedStretch, method: str) -> Segment:
 
 def _identifiability(curve: Curve, value, width, largest: float) -> tuple[dict[str, bool], list[str]]:
     passed = largest > value["peak_slip"]
+    guessed = anyones_guess(*(np.array([found[name] for name in curve.names]) for found in (value, width)))
     identifiable, statements = {}, []
     for name in value:
         known = bool(np.isfinite(width[name]) and width[name] <= LARGEST_RELATIVE_WIDTH * abs(value[name]))
@@ -275,6 +299,9 @@ def _identifiability(curve: Curve, value, width, largest: float) -> tuple[dict[s
         if value["peak_slip"] < SMALLEST_PEAK_SLIP:
             known = False
             statements.append(f"{name} is not identifiable: the friction seen does not rise with the slip")
+        elif guessed and name in PEAK:
+            known = False
+            statements.append(f"{name} is not identifiable: the slips seen are those of many curves")
         elif name in (*curve.kind.beyond_peak, *PEAK) and not passed:
             known = False
             statements.append(

@@ -3,7 +3,7 @@
 import numpy as np
 
 from tuning.logs.brake_log import BrakeLog
-from tuning.road.vehicle_speed import measured
+from tuning.road.sampling import measured
 
 
 def white_noise(signal: np.ndarray) -> float:

@@ -9,7 +9,8 @@ out of phase, and errors of the pressure from piling up.
     v' = g (mu(lambda) + s),  measured at t + d;        a = g mu(lambda) + b
 
 with zero P_0 and lag tau of the pressure, delay d of the vehicle speed, bias b of the accelerometer and slope s of the
-road, downhill > 0. That the vehicle decelerates with the friction of this one wheel is the quarter car; where its load
+road, downhill > 0. A load Fz that the acceleration moves may follow it through a first-order lag too, the pitching of
+the body. That the vehicle decelerates with the friction of this one wheel is the quarter car; where its load
 is known to change, or on a rig, the vehicle's speed is taken as it was measured, and the second line is left out.
 """
 
@@ -25,11 +26,11 @@ from scipy.signal import lfilter
 from absjax.plant.wheel import GRAVITY
 from tuning.logs.brake_log import BrakeLog
 from tuning.logs.tables import LogError
-from tuning.road.arrow_fit import Fit, Prior, arrow_fit
 from tuning.road.curve import Curve
 from tuning.road.noise import noise_of
 from tuning.road.samples import rate_of
-from tuning.road.vehicle_speed import interval_of, measured
+from tuning.road.sampling import interval_of, measured
+from tuning.road.vehicle_speed import ERRORS
 
 INTERVAL, FEWEST = 0.05, 12
 """Length of a shooting interval [s]; samples it has at least."""
@@ -52,44 +53,57 @@ CAR = (
     "load",
     "pressure_zero",
     "pressure_lag",
+    "load_lag",
     "slope",
     "acceleration_bias",
     "speed_delay",
 )
 """The car's quantities, in the order of the shared parameters after the coefficients."""
-NUISANCE = ("speed_offset", "speed_drift")
-"""What a speed taken from the acceleration may be off, m/s and m/s^2; after the car's quantities."""
-OF_LANE = 8
+NUISANCE = tuple(f"speed_error_{k}" for k in range(1, ERRORS + 1))
+"""What a speed taken from the acceleration is off, in standard deviations; after the car's quantities."""
+OF_LANE = 9
+SMALL = 1e-7
+"""Difference of lags for the derivative by them [s]."""
 SHARED = len(CAR) + len(NUISANCE)
 OUTPUTS = ("wheel_speed", "vehicle_speed", "acceleration")
 
 
-def lagged(pressure: np.ndarray, period: float, lag: float) -> np.ndarray:
-    """The pressure behind a first-order lag [s], linear between samples; at rest in the beginning."""
+def lagged(signal: np.ndarray, period: float, lag: float) -> np.ndarray:
+    """A signal behind a first-order lag [s], linear between samples; at rest in the beginning."""
     if lag < 1e-9:
-        return pressure
+        return signal
     z = period / lag
     decay = math.exp(-z)
     late = (1 - decay) / z
     head, tail = late - decay, 1 - late
-    rest = lfilter([tail, head], [1.0, -decay], pressure - pressure[0])
-    return pressure[0] + np.asarray(rest)
+    rest = lfilter([tail, head], [1.0, -decay], signal - signal[0])
+    return signal[0] + np.asarray(rest)
+
+
+def _and_slope(signal: np.ndarray, period: float, lag: float) -> tuple[np.ndarray, np.ndarray]:
+    """A signal behind a lag, and its derivative by it."""
+    now = lagged(signal, period, lag)
+    return now, (lagged(signal, period, lag + SMALL) - now) / SMALL
 
 
 @partial(jax.jit, static_argnames=("curve", "imposed", "substeps"))
-def _linearised(curve: Curve, imposed: bool, substeps: int, parameters, own, pressure, by_lag, share, speed, period):
+def _linearised(
+    curve: Curve, imposed: bool, substeps: int, parameters, own, pressure, by_lag, share, by_load_lag, speed, period
+):
     """Outputs (lanes, samples, 3) and their derivative by each lane's parameters and own state.
 
-    Parameters of a lane: the coefficients of its surface, then R, J, gamma_b, Fz, P_0, a change of the lag, s, and what
-    an imposed speed is off.
+    Parameters of a lane: the coefficients of its surface, then R, J, gamma_b, Fz, P_0, changes of the lags of pressure
+    and load, s, and what an imposed speed is off.
     """
     coefficients, step = len(curve.names), period / substeps
 
-    def outputs(point, pressure, by_lag, share, speed):
+    def outputs(point, pressure, by_lag, share, by_load_lag, speed):
         tyre = curve.tyre(point[:coefficients])
-        radius, inertia, efficiency, load, zero, lag, slope, off = point[coefficients : coefficients + OF_LANE]
+        radius, inertia, efficiency, load, zero, lag, load_lag, slope, off = point[
+            coefficients : coefficients + OF_LANE
+        ]
         own, speed = point[coefficients + OF_LANE :], speed + off
-        acting = pressure - zero + lag * by_lag
+        acting, share = pressure - zero + lag * by_lag, share + load_lag * by_load_lag
 
         def friction(w, v):
             return tyre.friction(radius * w / v - 1)
@@ -129,7 +143,7 @@ def _linearised(curve: Curve, imposed: bool, substeps: int, parameters, own, pre
         slopes, values = jax.jacfwd(both, has_aux=True)(point)
         return values, slopes
 
-    return jax.vmap(one)(jnp.concatenate([parameters, own], axis=1), pressure, by_lag, share, speed)
+    return jax.vmap(one)(jnp.concatenate([parameters, own], axis=1), pressure, by_lag, share, by_load_lag, speed)
 
 
 class Shooting(NamedTuple):
@@ -149,8 +163,8 @@ class Shooting(NamedTuple):
     """load over its nominal value, (samples of the log,)"""
     radius: float
     """about that of the wheel, m"""
-    middle: float
-    """time about which an imposed speed drifts, s"""
+    errors: np.ndarray
+    """what the vehicle's speed may be off, m/s, (samples of the log, `NUISANCE`)"""
 
     @property
     def used(self) -> np.ndarray:
@@ -166,22 +180,22 @@ class Shooting(NamedTuple):
         assert log.brake_pressure is not None
         pressure, rate = log.brake_pressure, rate_of(log, log.vehicle_speed, smoothing=SMOOTHING)
         told = [getattr(log, name) for name in OUTPUTS]
-        zeros, clock = np.zeros(len(log.time)), (log.time - self.middle)[self.index].mean(axis=1)
+        zeros, errors = np.zeros(len(log.time)), self.errors[self.index].mean(axis=1)
         lanes, states = len(self.index), 1 if self.imposed else 2
         acceleration = zeros if log.acceleration is None else log.acceleration
 
         def evaluate(shared, own):
-            car = dict(zip((*CAR, *NUISANCE), shared[surfaces * size :]))
-            coefficients = shared[: surfaces * size].reshape(surfaces, size)[self.surface]
-            lag, delay = car["pressure_lag"], car["speed_delay"]
-            acting, small = lagged(pressure, period, lag), 1e-7
-            by_lag = (lagged(pressure, period, lag + small) - acting) / small
+            first = surfaces * size
+            car = dict(zip(CAR, shared[first:]))
+            coefficients = shared[:first].reshape(surfaces, size)[self.surface]
+            acting, by_lag = _and_slope(pressure, period, car["pressure_lag"])
+            share, by_load_lag = _and_slope(self.share, period, car["load_lag"])
             # Interpolated between samples, noise would average out, and that would look like a better delay.
-            speed = (log.vehicle_speed + delay * rate)[self.index]
-            speed = speed + car["speed_offset"] + car["speed_drift"] * clock[:, None]
-            of_lanes = [car[name] for name in CAR[:5]] + [0.0, car["slope"], 0.0]
+            speed = (log.vehicle_speed + car["speed_delay"] * rate)[self.index]
+            speed = speed + (errors @ shared[first + len(CAR) :])[:, None]
+            of_lanes = [car[name] for name in CAR[:5]] + [0.0, 0.0, car["slope"], 0.0]
             points = np.concatenate([coefficients, np.tile(of_lanes, (lanes, 1))], axis=1)
-            given = (*(x[self.index] for x in (acting, by_lag, self.share)), speed)
+            given = (*(x[self.index] for x in (acting, by_lag, share, by_load_lag)), speed)
             arguments = map(jnp.asarray, (points, own, *given))
             values, slopes = map(np.asarray, _linearised(self.curve, self.imposed, substeps, *arguments, period))
             measurements = np.stack([told[0][self.index], speed, acceleration[self.index]], axis=-1)
@@ -189,16 +203,15 @@ class Shooting(NamedTuple):
             with np.errstate(over="ignore", invalid="ignore"):
                 residual = np.where(self.weight > 0, (values + bias - measurements) * self.weight, 0.0)
             n = residual.shape[1] * 3
-            by_shared = np.zeros((lanes, *residual.shape[1:], surfaces * size + SHARED))
+            by_shared = np.zeros((lanes, *residual.shape[1:], first + SHARED))
             for surface in range(surfaces):
                 own_surface = self.surface == surface
                 by_shared[own_surface, ..., surface * size : (surface + 1) * size] = slopes[own_surface, ..., :size]
-            by_shared[..., surfaces * size : surfaces * size + 7] = slopes[..., size : size + 7]
-            by_shared[..., 2, surfaces * size + 7] = 1.0
-            by_shared[..., 1, surfaces * size + 8] = -rate[self.index]
+            by_shared[..., first : first + OF_LANE - 1] = slopes[..., size : size + OF_LANE - 1]
+            by_shared[..., 2, first + CAR.index("acceleration_bias")] = 1.0
+            by_shared[..., 1, first + CAR.index("speed_delay")] = -rate[self.index]
             by_offset = slopes[..., size + OF_LANE - 1] if self.imposed else -np.array([0.0, 1.0, 0.0])
-            by_shared[..., surfaces * size + 9] = by_offset
-            by_shared[..., surfaces * size + 10] = by_offset * clock[:, None, None]
+            by_shared[..., first + len(CAR) :] = by_offset[..., None] * errors[:, None, None]
             by_shared *= self.weight[..., None]
             by_own = slopes[..., size + OF_LANE : size + OF_LANE + states] * self.weight[..., None]
             return residual.reshape(lanes, n), by_shared.reshape(lanes, n, -1), by_own.reshape(lanes, n, -1)
@@ -237,7 +250,7 @@ def shooting(
     stretches: list[np.ndarray],
     radius: float,
     share: np.ndarray | None = None,
-    middle: float = 0.0,
+    errors: np.ndarray | None = None,
 ) -> Shooting:
     """Cut a log into intervals.
 
@@ -248,7 +261,7 @@ def shooting(
         radius: about that of the wheel [m].
         share: load over its nominal value, (samples,), where it changes or the vehicle's speed is imposed; None: the
             quarter car.
-        middle: time about which an imposed speed drifts [s].
+        errors: what the vehicle's speed may be off [m/s], (samples, `NUISANCE`); None: nothing.
 
     Raises:
         LogError: if there is no interval with enough measurements.
@@ -287,29 +300,5 @@ def shooting(
             weight[..., i] = measured(log, name)[table] / noise_of(log, name, inside)
     weight[lanes - filling :] = 0.0
     nominal = np.ones(len(log.time)) if share is None else share
-    return Shooting(log, curve, share is not None, table, np.array(surface), weight, nominal, radius, middle)
-
-
-def fit_output_error(problem: Shooting, shared: np.ndarray, own: np.ndarray, *, lower: np.ndarray, prior: Prior) -> Fit:
-    """Fit what is free of the shared parameters; a spread of 0 keeps one at its mean. The fit's covariance is of all.
-
-    Args:
-        problem: the intervals.
-        shared: start (surfaces x coefficients + `CAR`,).
-        own: start (lanes, states).
-        lower: lower bounds, of all.
-        prior: of all.
-    """
-    surfaces = (len(shared) - SHARED) // len(problem.curve.names)
-    evaluate_all, free = problem.evaluate(surfaces), prior.spread > 0
-    whole = np.where(free, shared, prior.mean)
-
-    def evaluate(some, own):
-        point = whole.copy()
-        point[free] = some
-        residual, by_shared, by_own = evaluate_all(point, own)
-        return residual, by_shared[..., free], by_own
-
-    known = Prior(prior.mean[free], prior.spread[free])
-    fit = arrow_fit(evaluate, whole[free], own, lower=lower[free], prior=known)
-    return fit.of_all(whole, free)
+    errors = np.zeros((len(log.time), len(NUISANCE))) if errors is None else errors
+    return Shooting(log, curve, share is not None, table, np.array(surface), weight, nominal, radius, errors)

@@ -21,6 +21,14 @@ def identification_rows(result: Identification) -> list[dict[str, Any]]:
     return rows
 
 
+def told_lines(result: Identification) -> list[str]:
+    """What was done with the log, and what each surface does not tell."""
+    return [
+        *result.notes,
+        *(f"{segment.start:.3f} s: {said}" for segment in result.segments for said in segment.statements),
+    ]
+
+
 def quantity_rows(result: Identification) -> list[dict[str, Any]]:
     """One row per quantity of the car that was estimated: what it was known as, and what the log has."""
     return [

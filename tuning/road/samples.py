@@ -7,7 +7,7 @@ from scipy.signal import savgol_filter
 
 from absjax.plant.wheel import GRAVITY, Wheel
 from tuning.logs.brake_log import BrakeLog
-from tuning.road.vehicle_speed import longest_gap
+from tuning.road.sampling import longest_gap
 
 LONGEST_GAP = 0.03
 """Time without a measurement [s], of a slow sensor or a clipped one, from which its acceleration gives no friction."""

@@ -11,6 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from tuning.logs.brake_log import BrakeLog
+from tuning.road.noise import noise_of
+from tuning.road.sampling import measured
 
 DELAYS = np.arange(-0.05, 0.4, 2.5e-3)
 """Grid of d [s]."""
@@ -19,6 +21,8 @@ BIAS, USUAL = 0.25, 0.1
 far others are off it [s]."""
 BEGINNING = 0.03
 """What a log begins with [s]."""
+ERRORS = 8
+"""Of the integral of the acceleration: an offset, a drift, and the first terms of the walk that noise makes."""
 FIRST_NOISE = 0.05
 """Of a measurement of the speed, to begin with [m/s]."""
 SLOW = 0.025
@@ -38,10 +42,11 @@ class Motion(NamedTuple):
     """v at the grid's times, m/s, (samples,)"""
     noise: float
     """of a measurement of the speed, m/s"""
-    middle: float
-    """time about which the errors of v0 and b are independent, s"""
-    spreads: tuple[float, float]
-    """of the course: standard deviation of an offset, m/s, and of a drift about the middle, m/s^2"""
+    bias: tuple[float, float]
+    """of the acceleration and the slope together, and its standard deviation, m/s^2"""
+    errors: np.ndarray
+    """what the course may be off, one standard deviation of each of `ERRORS` independent courses, m/s, (samples,
+    `ERRORS`)"""
 
 
 def motion_of(log: BrakeLog) -> Motion | None:
@@ -94,23 +99,19 @@ def motion_of(log: BrakeLog) -> Motion | None:
     covariance = np.linalg.inv(columns.T @ columns + known)
     middle = float(-covariance[0, 1] / covariance[1, 1])
     offset = covariance[0, 0] - covariance[0, 1] ** 2 / covariance[1, 1]
-    spreads = float(np.sqrt(max(offset, 0.0))), float(np.sqrt(covariance[1, 1]))
+    drift = float(np.sqrt(covariance[1, 1]))
+    line = np.stack([np.full(len(clock), np.sqrt(max(offset, 0.0))), drift * (clock - middle)])
+    errors = np.concatenate([line, _walk(clock, noise_of(log, "acceleration"))])
     course = start + bias * clock + travelled
-    return Motion(delay, spread, course, noise, middle + float(log.time[0]), spreads)
+    return Motion(delay, spread, course, noise, (float(bias), drift), errors.T)
 
 
-def measured(log: BrakeLog, signal: str) -> np.ndarray:
-    """Which samples of a signal are measurements, bool (samples,); all of them where nothing else is said."""
-    return np.asarray(log.measured.get(signal, np.ones(len(log.time), bool)))
+def _walk(clock: np.ndarray, noise: float) -> np.ndarray:
+    """What noise of the acceleration makes of its integral: its first terms, (terms, samples).
 
-
-def interval_of(log: BrakeLog, signal: str) -> float:
-    """Usual time between measurements of a signal [s]."""
-    at = np.flatnonzero(measured(log, signal))
-    return log.period * float(np.median(np.diff(at))) if len(at) > 1 else np.inf
-
-
-def longest_gap(log: BrakeLog, signal: str) -> float:
-    """Longest time between measurements of a signal [s]."""
-    at = np.flatnonzero(measured(log, signal))
-    return log.period * float(np.max(np.diff(at))) if len(at) > 1 else np.inf
+    A random walk is sum_k Z_k s sqrt(2 T) sin((k - 1/2) pi t / T) / ((k - 1/2) pi), s = noise sqrt(period), Z_k
+    standard normal; what of each is a straight line the measured speeds have put right.
+    """
+    length, k = clock[-1] + clock[1], np.arange(1, ERRORS - 1)[:, None] - 0.5
+    terms = noise * np.sqrt(2 * length * clock[1]) * np.sin(k * np.pi * clock / length) / (k * np.pi)
+    return terms - np.stack([np.polyval(np.polyfit(clock, term, 1), clock) for term in terms])

@@ -13,7 +13,7 @@ from tuning.logs.quantities import departures
 from tuning.road.conditions import Start, deceleration_of
 from tuning.road.output_error import lagged
 from tuning.road.samples import balanced_force
-from tuning.road.vehicle_speed import interval_of
+from tuning.road.sampling import interval_of
 
 if TYPE_CHECKING:
     from tuning.road.fitted import Fitted
