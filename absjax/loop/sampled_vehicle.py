@@ -14,7 +14,8 @@ import jax.numpy as jnp
 
 from absjax._numerics import first_open
 from absjax.contracts import require_contract
-from absjax.loop.vehicle_loop import VehicleLoop, VehicleLoopState
+from absjax.loop.braked_vehicle import VehicleLoopState
+from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.observers.base import Sample
 from absjax.observers.run import advance
 from absjax.parameters import model, part
