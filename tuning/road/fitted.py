@@ -10,9 +10,9 @@ from tuning.logs.car import Car
 from tuning.logs.quantities import KINDS, Quantity
 from tuning.road.changes import Stretch, refine_change
 from tuning.road.conditions import Start
+from tuning.road.corrected import corrected
 from tuning.road.curve import Curve
 from tuning.road.samples import FrictionSamples, friction_samples
-from tuning.road.verdict import corrected
 
 GUARD = 0.03
 """Time kept clear of the middle of a change [s]."""

@@ -1,9 +1,5 @@
 """Whether a log goes with what a fit takes for true, in a word and in sentences."""
 
-import dataclasses
-from collections.abc import Mapping
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from absjax.plant.wheel import GRAVITY
@@ -11,12 +7,10 @@ from tuning.logs.brake_log import BrakeLog
 from tuning.logs.car import Car
 from tuning.logs.quantities import departures
 from tuning.road.conditions import Start, deceleration_of
-from tuning.road.output_error import lagged
+from tuning.road.corrected import corrected
+from tuning.road.fitted import Fitted
 from tuning.road.samples import balanced_force
 from tuning.road.sampling import interval_of
-
-if TYPE_CHECKING:
-    from tuning.road.fitted import Fitted
 
 SOUND, DOUBTFUL, REFUTED = "sound", "doubtful", "refuted"
 LARGEST_MISFIT, REFUTING_MISFIT = 1.6, 4.0
@@ -29,27 +23,7 @@ BEYOND = 1.25
 """Peak friction over the strongest deceleration from which a vehicle is asked why it did not use it."""
 
 
-def corrected(log: BrakeLog, values: Mapping[str, float]) -> BrakeLog:
-    """A log with zeros, delay and lag taken out.
-
-    Args:
-        log: as it was read.
-        values: of quantities of `tuning.logs.quantities.KINDS`; those that are not given count as 0.
-    """
-    changed = {}
-    if log.brake_pressure is not None:
-        pressure = lagged(log.brake_pressure, log.period, max(values.get("pressure_lag", 0.0), 0.0))
-        changed["brake_pressure"] = pressure - values.get("pressure_zero", 0.0)
-    if log.acceleration is not None:
-        changed["acceleration"] = log.acceleration - values.get("acceleration_bias", 0.0)
-    if log.force is not None:
-        changed["force"] = log.force - values.get("force_zero", 0.0)
-    if values.get("speed_delay", 0.0):
-        changed["vehicle_speed"] = np.interp(log.time + values["speed_delay"], log.time, log.vehicle_speed)
-    return dataclasses.replace(log, **changed)
-
-
-def judged(log: BrakeLog, car: Car, start: Start, fitted: "Fitted") -> tuple[str, list[str]]:
+def judged(log: BrakeLog, car: Car, start: Start, fitted: Fitted) -> tuple[str, list[str]]:
     """The verdict: 'sound', 'doubtful' or 'refuted', and why."""
     doubts = [*log.doubts, *departures(fitted.quantities, car.priors)]
     refutations = []
@@ -79,7 +53,7 @@ def judged(log: BrakeLog, car: Car, start: Start, fitted: "Fitted") -> tuple[str
     return (DOUBTFUL if doubts else SOUND), doubts
 
 
-def _mended_by(name: str, fitted: "Fitted") -> str:
+def _mended_by(name: str, fitted: Fitted) -> str:
     if name in ("acceleration", "vehicle_speed") and not fitted.imposed:
         return (
             "; the vehicle does not decelerate as this wheel's friction has it. Where the load changes while braking, "
@@ -90,7 +64,7 @@ def _mended_by(name: str, fitted: "Fitted") -> str:
     return ""
 
 
-def _force_over_torque(log: BrakeLog, car: Car, fitted: "Fitted") -> float | None:
+def _force_over_torque(log: BrakeLog, car: Car, fitted: Fitted) -> float | None:
     """Measured force over -(J w' + gamma_b Pb) / R, by least squares; None where one of them was not logged."""
     if log.force is None or log.brake_pressure is None:
         return None
