@@ -15,6 +15,8 @@ import numpy as np
 from jax.core import Tracer
 
 T = TypeVar("T")
+OWN_CHECKS = "_own_checks"
+"""Where a class keeps the `__post_init__` it was written with."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,19 +117,22 @@ def model(cls: type[T]) -> type[T]:
     """Make `cls` a frozen dataclass and a pytree: `parameter` fields and nested models are children.
 
     A class may declare pairs of fields that have to keep an order, `ordered`: (lower, higher, by how much at least).
+    `__post_init__` of a class and of those it inherits from all run, theirs first.
 
     Raises:
         ValueError: at construction, when a value is not a finite number inside its bounds, or two are out of order. The
             message names class, field, value and what is allowed.
     """
-    own_post_init = cls.__dict__.get("__post_init__")
+    setattr(cls, OWN_CHECKS, cls.__dict__.get("__post_init__"))
 
     def __post_init__(self):
         for field in dataclasses.fields(self):
             if field.metadata.get("leaf"):
                 _check(type(self).__name__, field, getattr(self, field.name))
-        if own_post_init is not None:
-            own_post_init(self)
+        for kind in reversed(type(self).__mro__):
+            own_checks = kind.__dict__.get(OWN_CHECKS)
+            if own_checks is not None:
+                own_checks(self)
         _check_order(self)
 
     setattr(cls, "__post_init__", __post_init__)  # noqa: B010

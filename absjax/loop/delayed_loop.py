@@ -47,9 +47,6 @@ class DelayedLoop(ClosedLoop):
     """kept of the past, one a grid step and two a switching: those of one delay at least"""
     tick_every: int = 1
 
-    def __post_init__(self):
-        ClosedLoop.__post_init__(self)
-
     @property
     def predicting(self) -> bool:
         """Whether the controller has signals of its own to be kept."""

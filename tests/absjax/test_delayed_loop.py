@@ -51,8 +51,9 @@ def speeds(eps1, delay):
 
 
 def test_located_is_what_a_quick_control_unit_comes_to_and_its_gradient_that_of_differences():
-    # Off the grid: where the past is read at a node, differences by the delay see the corner of its second derivative.
-    eps1, delay, move = 30.0, 0.0103, 1e-5
+    # Off the grid: where the past is read at a node, differences by the delay see the corner of its second derivative;
+    # and narrow, for wider ones see a step that is parted on one side only.
+    eps1, delay, move = 30.0, 0.0103, 1e-6
     lanes = jnp.array([1 + move, 1 - move, 1.0, 1.0, 1.0])
     delays = jnp.array([1.0, 1.0, 1 + move, 1 - move, 0.01 / delay])
     found = speeds(eps1 * lanes, delay * delays)

@@ -10,6 +10,7 @@ from absjax.hybrid.rollout import rollout
 from absjax.hybrid.system import Smooth
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, stop
+from absjax.loop.ticking_loop import TickingLoop
 from absjax.parameters import model, parameter, part
 from absjax.plant.brake import Brake
 from absjax.plant.quarter_car import CarState, QuarterCar
@@ -204,6 +205,11 @@ def test_published_five_phase_distances_within_half_a_percent():
     tyre = Burckhardt(*(np.repeat([float(getattr(SURFACES[r], c)) for r in roads], 3) for c in ("c1", "c2", "c3")))
     result = stop(five_phase_loop(PARAMETERS, tyre=tyre, stop_speed=2.5 / 3.6), np.tile(speeds, 3), horizon=8.0)
     np.testing.assert_allclose(result.published_quantity.reshape(3, 3), [PUBLISHED[r] for r in roads], rtol=5e-3)
+
+
+def test_what_inherits_keeps_the_checks():
+    with pytest.raises(ValueError, match=r"tick_every = 0 must be >= 1"):
+        TickingLoop(five_phase_loop(), tick_every=0)
 
 
 def test_stop_is_refused_by_name():
