@@ -191,7 +191,7 @@ def sweep_cases(speed_kmh: float = 120.0) -> list[Case]:
 def sweep_rows(found: Stops) -> list[dict[str, Any]]:
     """Of `sweep_cases`."""
     named = [(name, h) for name, _ in VERSIONS for h in SWEPT]
-    return [{"law": name, "delay [ms]": 1e3 * h, **found.of(i)} for i, (name, h) in enumerate(named)]
+    return [{"law": name, "delay [ms]": round(1e3 * h, 3), **found.of(i)} for i, (name, h) in enumerate(named)]
 
 
 def robustness_cases() -> list[Case]:
