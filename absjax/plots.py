@@ -6,7 +6,7 @@ import jax
 import numpy as np
 
 from absjax.hybrid.rollout import Trajectory
-from absjax.loop.closed_loop import ClosedLoop, LoopState
+from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.sampled_loop import loop_state
 from absjax.loop.vehicle_loop import VehicleLoop
 
@@ -28,16 +28,12 @@ def speeds(axes: "matplotlib.axes.Axes", trajectory: Trajectory, radius: float, 
 def phase_plane(axes: "matplotlib.axes.Axes", loop: ClosedLoop, trajectory: Trajectory, **line: Any) -> None:
     """Wheel acceleration offset x2 against slip of one lane."""
     valid = np.asarray(trajectory.valid)
-    time, state = np.asarray(trajectory.time)[valid], _valid(trajectory.state, valid)
-    signals = loop.signals(time, state, np.asarray(trajectory.mode)[valid])
+    path = jax.tree.map(lambda leaf: np.asarray(leaf)[valid], trajectory)
+    signals = jax.vmap(loop.measured)(path.time, loop_state(path.state), path.mode)
     slip = np.asarray(loop.plant.wheel.slip(signals.wheel_speed, signals.vehicle_speed))
     axes.plot(slip, np.asarray(signals.acceleration_offset), **{"lw": 0.8, **line})
     axes.set(xlabel="slip λ", ylabel="x2 = R ω' - v'  [m/s²]")
     axes.grid(alpha=0.3)
-
-
-def _valid(state: LoopState, valid: np.ndarray) -> LoopState:
-    return jax.tree.map(lambda leaf: np.asarray(leaf)[valid], state)
 
 
 def stop_panels(axes, loop: ClosedLoop | VehicleLoop, trajectory: Trajectory, label: str = "") -> None:

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 from absjax.controllers.predictive_tracking import PredictiveTracking
 from absjax.hybrid.rollout import rollout
@@ -17,6 +18,7 @@ from absjax.plant.brake import Brake
 from absjax.plant.quarter_car import QuarterCar
 from absjax.plant.road import UniformRoad
 from absjax.plant.wheel import Wheel
+from absjax.plots import phase_plane
 from absjax.tyres.surfaces import surface
 from tests.oracles import predictive
 
@@ -40,6 +42,10 @@ def test_in_a_control_unit_against_a_plain_loop():
     assert np.array_equal(jax.vmap(unit.loop.phase)(path.mode), phases)
     found = path.state.loop.plant.speed, path.state.loop.plant.wheel_speed, path.state.loop.brake.commanded
     np.testing.assert_allclose(np.stack(found, axis=1), truth, rtol=1e-9, atol=1e-9)
+    axes = Figure().subplots()
+    phase_plane(axes, unit.loop, path)
+    slip = np.asarray(found[1]) * 0.3 / np.asarray(found[0]) - 1
+    np.testing.assert_allclose(axes.lines[0].get_xdata(), slip, rtol=1e-12)
 
 
 def speeds(eps1, delay):
