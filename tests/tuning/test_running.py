@@ -98,6 +98,8 @@ def test_what_cannot_be_scattered_is_refused():
     changing = {"surfaces": ["dry_asphalt", "snow"], "changes": [5.0]}
     with pytest.raises(ConfigError, match="not scattered"):
         running_problem(TuningConfig.from_json({"setting": "sampled", "roads": [changing]}))
+    with pytest.raises(ConfigError, match=r"setting = 'sampled'.*predictive_tracking predicts over a delay"):
+        TuningConfig(controller="predictive_tracking", delay=0.01, lag=None, setting="sampled")
     with pytest.raises(ConfigError, match="conditions"):
         TuningConfig(setting="chain", conditions={"weight": 0.1})
     with pytest.raises(ConfigError, match="reference"):

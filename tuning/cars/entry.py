@@ -26,6 +26,8 @@ WIRINGS: dict[str, dict[int, tuple[tuple[int, ...], ...]]] = {
     "select_low": {4: ((0, 1), (2, 3))},
 }
 """By name and number of wheels: the wheels each channel commands."""
+AXLES = "front.", "rear."
+"""What the names of an axle's own parameters begin with."""
 SETS = "one", "own"
 """One set of parameters for all channels, or its own for each axle."""
 
@@ -93,7 +95,7 @@ class VehicleEntry(Entries):
     @property
     def prefixes(self) -> tuple[str, ...]:
         """What the names of parameters begin with, one for each set of them."""
-        return ("",) if self.sets == "one" else ("front.", "rear.")
+        return ("",) if self.sets == "one" else AXLES
 
     def vehicle(self, roads: Sequence[Road]) -> Vehicle:
         """The model on roads under its axles or wheels."""
@@ -127,5 +129,5 @@ class VehicleEntry(Entries):
 
 def of_axle(values: Mapping[str, Any], axle: int) -> dict[str, Any]:
     """The parameters of an axle's channels: those that begin with its prefix, and those without one."""
-    prefix = ("front.", "rear.")[axle]
+    prefix = AXLES[axle]
     return {name.removeprefix(prefix): value for name, value in values.items() if "." not in name or prefix in name}

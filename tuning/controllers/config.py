@@ -199,6 +199,7 @@ class TuningConfig(SearchConfig):
             choice("conditions", name, Scatter._fields)
             require(f"conditions.{name}", value, 0 <= value <= 1 or name == "noise", "between 0 and 1")
         if self.setting != "located":
+            require("setting", self.setting, not self.predicts, f"'located': {self.controller} predicts over a delay")
             require(
                 "reference", self.reference, self.reference == "ideal", "'ideal' for a setting other than 'located'"
             )

@@ -139,16 +139,16 @@ def _accelerometer(config: TuningConfig, seeds, rng: np.random.Generator) -> Acc
 
 def _sensors(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensors:
     """What is measured with: of a vehicle at each wheel, of its own seed."""
-    if setup.config.vehicle is None or setup.sensor is not None:
-        return _sensor(setup, seeds, noise, scatter, stand_in)
-    own = ((seeds + APART * wheel) % LARGEST_SEED for wheel in range(setup.config.vehicle.wheels))
-    return tuple(sensor for s in own if (sensor := _sensor(setup, s, noise, scatter, stand_in)) is not None)
-
-
-def _sensor(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensor | None:
-    config = setup.config
     if setup.sensor is not None:
         return setup.sensor
+    if setup.config.vehicle is None:
+        return _sensor(setup, seeds, noise, scatter, stand_in)
+    own = ((seeds + APART * wheel) % LARGEST_SEED for wheel in range(setup.config.vehicle.wheels))
+    return tuple(_sensor(setup, of_wheel, noise, scatter, stand_in) for of_wheel in own)
+
+
+def _sensor(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensor:
+    config = setup.config
     if config.setting != "chain":
         return NoisySensor(noise, float(setup.wheel.radius), seeds)
     memory = MEMORY if config.chain == "edges" else None

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from absjax.loop.stop import Outcome
+from tuning.cars.entry import AXLES
 from tuning.controllers.batch import batch_of, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import car_sets, tuned_sets
@@ -65,7 +66,7 @@ def sets_of(controller: str, axles: bool) -> dict[str, dict[str, float]]:
     """
     kind = TuningConfig(controller=controller).kind
     found = {"untuned": initial(kind, {}), "quarter car": initial(kind, tuned_sets()[controller].start)}
-    prefixes = ("front.", "rear.") if axles else ("",)
+    prefixes = AXLES if axles else ("",)
     spread = {name: {p + n: v for p in prefixes for n, v in values.items()} for name, values in found.items()}
     on_car = car_sets().get(controller)
     return spread if on_car is None else {**spread, "car": Setup.of(on_car).initial}

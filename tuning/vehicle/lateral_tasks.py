@@ -10,11 +10,12 @@ from absjax.sideslip.car import Car
 from tuning.core.figures import save
 from tuning.core.files import write_json
 from tuning.core.report import Report
+from tuning.core.terminal import say
 from tuning.logs.vehicle_log import VehicleLog
 from tuning.vehicle import lateral_figures as figures
 from tuning.vehicle.drive_log import drive
 from tuning.vehicle.split_mu import study
-from tuning.vehicle.trade_off import TRADED, trade_off
+from tuning.vehicle.trade_off import TRADED, Traded, trade_off
 
 
 def drive_log(log: VehicleLog, car: Car, out: Path) -> Report:
@@ -60,7 +61,10 @@ def split_mu(right: str, speed_kmh: float, out: Path, *, tune: bool = False) -> 
     tables = {title: [case.row for case in cases]}
     files = [save(figures.split_mu_figure(cases, title), out / "split_mu.png")]
     if tune:
-        traded = [one for wiring in TRADED for one in trade_off(right, speed_kmh, wiring)]
+        traded: list[Traded] = []
+        for wiring in TRADED:
+            say(f"  thresholds, {wiring} ...")
+            traded += trade_off(right, speed_kmh, wiring)
         tables["thresholds tuned under limits of the yaw rate"] = [one.row for one in traded]
         files.append(save(figures.trade_off_figure(traded, cases, title), out / "trade_off.png"))
         files.append(write_json(out / "trade_off.json", {"sets": [one._asdict() for one in traded]}))

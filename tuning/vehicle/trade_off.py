@@ -20,6 +20,7 @@ from absjax.loop.stop import Outcome
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.plant.steering import YawDriver
 from absjax.tyres.surfaces import surface
+from tuning.cars.entry import AXLES
 from tuning.controllers.loops import with_parameters
 from tuning.core.box import Box, box_of, joined
 from tuning.core.descent import Descent, Progress
@@ -42,7 +43,6 @@ ELSEWHERE = 0.8
 """Speed at which sets are judged, over the one they are tuned at."""
 WHERES = "", ", sampled 1 ms", f", {ELSEWHERE:g} of the speed"
 """What sets are judged in."""
-AXLES = "front.", "rear."
 
 
 class Traded(NamedTuple):
@@ -77,10 +77,10 @@ def trade_off(
         progress: called with iteration, iterations and the best cost so far.
     """
     controller, speed, other = tuned() if controller is None else controller, speed_kmh / 3.6, surface(right)
-    initial = {name: float(getattr(controller, name)) for name in _names(controller)}
-    box = joined([box_of(type(controller), initial, floor=FLOOR).called(axle) for axle in AXLES])
+    own = box_of(type(controller), vars(controller), floor=FLOOR)
+    box = joined([own.called(axle) for axle in AXLES])
     loop = split_loop(split_car(surface("dry_asphalt"), other, YawDriver()), controller, WIRINGS[wiring])
-    start = box.point({axle + name: value for axle in AXLES for name, value in initial.items()})
+    start = box.point({axle + name: getattr(controller, name) for axle in AXLES for name in own.names})
     horizon = longest_stop(other, speed)
     loops, points = stacked([loop] * len(shares)), np.repeat(start[None], len(shares), axis=0)
     turned = partial(_stops, loops, box=box, horizon=horizon)
@@ -106,10 +106,6 @@ def trade_off(
 def charged(distance, yaw_rate, failed):
     """Costs of stops: distances over that of the start, charged for yaw rates over their limit."""
     return distance + STRICTNESS * jnp.maximum(yaw_rate - 1, 0.0) + FAILED * failed
-
-
-def _names(controller: Controller) -> tuple[str, ...]:
-    return tuple(box_of(type(controller), vars(controller), floor=FLOOR).names)
 
 
 @partial(jax.jit, static_argnames=("box", "horizon", "ticks"))
