@@ -141,6 +141,13 @@ def test_every_figure_has_a_caption():
         assert names and [name for name in names if not any(part in name for part in parts)] == []
 
 
+def test_a_caption_is_that_of_the_words_a_title_begins_with():
+    about = About("title", "did", {"held-out": "of other stops", "each road": "by road"})
+    assert about.caption("each road: errors on held-out stops") == "by road"
+    assert about.caption("on held-out stops of each road") == "of other stops"
+    assert about.caption("tuned") == ""
+
+
 def test_every_command_says_what_it_did():
     titles = [about.title for room in ROOMS for about in abouts(room)]
     assert len(titles) == len(set(titles)) == len(COMMANDS)

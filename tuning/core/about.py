@@ -11,8 +11,10 @@ class About(NamedTuple):
     did: str
     """what it takes, does and gives, in sentences"""
     captions: Mapping[str, str] = {}
-    """what tables and figures show, by a part of the table's title or of the figure's file name; the first counts"""
+    """what tables and figures show, by a part of the table's title or of the figure's file name; where several are part
+    of it, the one that comes first in it counts"""
 
     def caption(self, name: str) -> str:
         """Of a table or figure; empty if there is none."""
-        return next((said for part, said in self.captions.items() if part in name), "")
+        parts = [part for part in self.captions if part in name]
+        return self.captions[min(parts, key=name.index)] if parts else ""

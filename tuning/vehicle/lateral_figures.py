@@ -48,7 +48,7 @@ def drive_figure(log: VehicleLog, found: Drive):
             panel.plot(log.time, real, **REAL, label=what)
         panel.set_ylabel(label, fontsize="small")
         panel.grid(alpha=0.3)
-        panel.legend(loc="upper right", fontsize="x-small")
+        panel.legend(loc="upper left", bbox_to_anchor=(1, 1), fontsize="x-small")
     axes[0].set_title(f"{log.name}\n{found.variant.title}, friction {found.friction:.2f}", fontsize="small")
     axes[-1].set_xlabel("time [s]")
     return figure
