@@ -39,6 +39,21 @@ def safe_divide(numerator, denominator, valid, otherwise=0.0):
     return jnp.where(valid, numerator / jnp.where(valid, denominator, 1.0), otherwise)
 
 
+def computed_once(tree: Any) -> Any:
+    """The same values to the bit, each computed once for all that use it; for what is long and has many consumers.
+
+    XLA's CPU backend fuses cheap arithmetic into every consumer and computes it there anew, but no division. Here every
+    float is divided by 1, of which the compiler cannot know that it is: by itself where it is not a number.
+    """
+
+    def once(leaf):
+        if not jnp.issubdtype(jnp.result_type(leaf), jnp.floating):
+            return leaf
+        return leaf / jax.lax.stop_gradient(jnp.where(leaf == leaf, 1.0, leaf))
+
+    return jax.tree.map(once, tree)
+
+
 def rk4_step(flow: Callable, time, state: Any, step, slope: Any) -> tuple[Any, Any]:
     """One classical fourth-order Runge-Kutta step: the state at its end, and the last of the four slopes.
 

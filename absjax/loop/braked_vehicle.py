@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from absjax._numerics import pick, tree_where
+from absjax._numerics import computed_once, pick, tree_where
 from absjax.contracts import require_contract
 from absjax.controllers.base import Controller
 from absjax.loop import pressure_limits, wheel_lock
@@ -143,7 +143,7 @@ class BrakedVehicle:
 
     def free(self, time, state: VehicleLoopState):
         """d(state)/dt of the vehicle, its wheels free to turn."""
-        return self.vehicle.flow(time, state.vehicle, self.pressures(state))
+        return computed_once(self.vehicle.flow(time, state.vehicle, self.pressures(state)))
 
     def _measured(self, time, state: VehicleLoopState, slope, parts: VehicleMode) -> tuple[Signals, ...]:
         pressures = self.pressures(state)
@@ -193,7 +193,7 @@ class BrakedVehicle:
     def informed(self, time, state: VehicleLoopState, slope, parts: VehicleMode):
         """The channels as they know their load, and what each controller is told."""
         channels = self.fitted_to_load(self.vehicle.accelerations(time, state.vehicle, slope), parts)
-        return channels, self.told(self._measured(time, state, slope, parts), state, parts)
+        return channels, computed_once(self.told(self._measured(time, state, slope, parts), state, parts))
 
     def commands(self, channels, told: tuple[Signals, ...], state: VehicleLoopState, parts: VehicleMode):
         """The rates the actuators are asked for and can follow [bar/s]."""

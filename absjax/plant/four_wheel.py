@@ -19,7 +19,7 @@ from typing import Any, ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from absjax._numerics import safe_divide
+from absjax._numerics import computed_once, safe_divide
 from absjax.parameters import model, parameter, part
 from absjax.plant.axle import relaxing
 from absjax.plant.base import Road
@@ -206,7 +206,7 @@ class FourWheel:
                 cosine, sine = turned
                 forward, leftward = cosine * forward - sine * leftward, sine * forward + cosine * leftward
             found.append(Contact(over, sideways, share, forward, leftward))
-        return tuple(found)
+        return computed_once(tuple(found))
 
     def _loads(self, contacts: tuple[Contact, ...]):
         """Fz_i [N] before the limit at 0."""
@@ -236,7 +236,7 @@ class FourWheel:
     def flow(self, time, state: FourWheelState, pressures) -> FourWheelState:
         """d(state)/dt."""
         contacts, motion = self.contacts(time, state), state.motion
-        loads = [jnp.maximum(load, 0.0) for load in self._loads(contacts)]
+        loads = computed_once([jnp.maximum(load, 0.0) for load in self._loads(contacts)])
         forward = [load * contact.forward for load, contact in zip(loads, contacts)]
         leftward = [load * contact.leftward for load, contact in zip(loads, contacts)]
         moment = sum(x * fy - y * fx for x, y, fx, fy in zip(self.ahead, self.left, forward, leftward))

@@ -7,6 +7,7 @@ from typing import Any
 from absjax.controllers.five_phase import FivePhase
 from absjax.speed import KalmanSpeed
 from absjax.speed.base import SpeedEstimator
+from tuning.cars.car import shipped_cars
 from tuning.cars.entry import of_axle
 from tuning.controllers.published import ROADS, SPEEDS_KMH
 from tuning.controllers.recipes import car_sets
@@ -29,8 +30,9 @@ FILTERS: dict[str, SpeedEstimator | None] = {
 def study(out: Path) -> Iterator[Report]:
     """Every table and figure of whole vehicles."""
     yield scenario(out)
-    for laden in (False, True):
-        yield cars("mid_size", laden)
+    for car in shipped_cars():
+        for laden in (False, True):
+            yield cars(car, laden)
 
 
 def scenario(out: Path) -> Report:
