@@ -187,6 +187,48 @@ def encoder_chain_against_numpy(encoders: int = 256, samples: int = 1000) -> Non
     )
 
 
+def cost_of_channels(lanes: int = 256) -> None:
+    """Stops from 80 to 30 km/h of one wheel, of two axles and of four wheels, five phases at each."""
+    import dataclasses
+
+    import jax.numpy as jnp
+
+    from absjax import Brake, Driver, FivePhase, QuarterCar, Wheel, stop
+    from absjax.loop.channel import Channel
+    from absjax.loop.vehicle_loop import VehicleLoop
+    from absjax.plant.four_wheel import FourWheel
+    from absjax.plant.one_wheel import OneWheel
+    from absjax.plant.road import as_road
+    from absjax.plant.two_axle import TwoAxle
+
+    road = as_road("dry_asphalt")
+    cars = OneWheel(QuarterCar(Wheel(), road)), TwoAxle((road,) * 2), FourWheel((road,) * 4)
+    eps1 = jnp.linspace(20.0, 40.0, lanes)
+    calls, lane_steps, switchings = {}, {}, {}
+    for car in cars:
+        channels = len(car.places)
+
+        def stops(eps1, car=car, channels=channels):
+            controller = dataclasses.replace(FivePhase(), eps1=eps1)
+            channel = Channel(Brake(rate_limit=750.0, lag=5e-3), controller)
+            loop = VehicleLoop(car, (channel,) * channels, 30 / 3.6, Driver())
+            return stop(loop, 80 / 3.6 + 0 * eps1, horizon=3.0, step=STEP, max_events=800)
+
+        forward = jax.jit(stops)
+        calls[channels, "forward"] = partial(forward, eps1)
+        calls[channels, "gradient"] = partial(jax.jit(jax.grad(lambda e, stops=stops: stops(e).distance.sum())), eps1)
+        found = forward(eps1).rollout
+        lane_steps[channels], switchings[channels] = float(found.time.sum() / STEP), float(found.events.mean())
+    best = best_of_rounds(calls)
+    ns = {n: 1e9 * best[n, "forward"] / lane_steps[n] for n in lane_steps}
+    for n in ns:
+        print(
+            f"{n} channels, {lanes} lanes, float64: lane-step {ns[n]:.0f} ns, {ns[n] / ns[1]:.1f} times one channel; "
+            f"{switchings[n]:.0f} switchings a stop, gradient {best[n, 'gradient'] / best[n, 'forward']:.1f} forward runs",
+            flush=True,
+        )
+
+
 def main() -> None:
     jax.config.update("jax_enable_x64", True)
     jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
@@ -195,6 +237,8 @@ def main() -> None:
     gradient_against_forward()
     peak_memory()
     encoder_chain_against_numpy()
+    cost_of_channels()
 
 
-main()
+if __name__ == "__main__":
+    main()
