@@ -222,9 +222,10 @@ def cost_of_channels(lanes: int = 256) -> None:
     best = best_of_rounds(calls)
     ns = {n: 1e9 * best[n, "forward"] / lane_steps[n] for n in lane_steps}
     for n in ns:
+        reverse = best[n, "gradient"] / best[n, "forward"]
         print(
             f"{n} channels, {lanes} lanes, float64: lane-step {ns[n]:.0f} ns, {ns[n] / ns[1]:.1f} times one channel; "
-            f"{switchings[n]:.0f} switchings a stop, gradient {best[n, 'gradient'] / best[n, 'forward']:.1f} forward runs",
+            f"{switchings[n]:.0f} switchings a stop, gradient {reverse:.1f} forward runs",
             flush=True,
         )
 
