@@ -14,11 +14,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from absjax.controllers import CONTROLLERS
 from absjax.lanes import repeated
 from absjax.loop.stop import Outcome, stop
 from absjax.parameters import trainable_names
-from tests.attack.stops import random_loop, random_speeds
+from tests.attack.stops import KINDS, random_loop, random_speeds
 
 WIDTHS = 4e-5 * 0.25 ** np.arange(7)
 AGREE = 1e-4
@@ -36,7 +35,7 @@ def shifted(loop, directions, shift):
 def attack(kind, lanes: int, seed: int, step: float) -> dict:
     """How far derivatives are off their differences, which count, and which stops end; arrays (lanes,)."""
     rng = np.random.default_rng(seed)
-    loop, speed = random_loop(kind, rng, lanes), random_speeds(rng, lanes)
+    loop, speed = random_loop(kind, rng, lanes, step), random_speeds(rng, lanes)
     directions = rng.normal(size=(len(trainable_names(kind)), lanes))
 
     def run(loop, speed):
@@ -93,7 +92,7 @@ def main() -> None:
     parser.add_argument("--controllers", nargs="*", default=None, help="class names; all where not given")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    for kind in CONTROLLERS.values():
+    for kind in KINDS:
         if options.controllers and kind.__name__ not in options.controllers:
             continue
         step = options.step or kind.grid_step
