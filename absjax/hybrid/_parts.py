@@ -44,14 +44,18 @@ def local_error(state, reached, last, slope, step, scales):
 
 def is_coarse(grid: Grid, lanes: Lanes, share, step):
     """Whether a step is too long for the flow, and may be halved."""
-    fast = (lanes.doing <= NORMAL) & (share > LARGEST_SHARE)
-    return fast & (step > SMALLEST_PART * grid.step) & (lanes.spent < grid.spare)
+    return (lanes.doing <= NORMAL) & (share > LARGEST_SHARE) & may_be_halved(grid, lanes, step)
 
 
-def parted(grid: Grid, lanes: Lanes, kept, coarse, share, step):
+def may_be_halved(grid: Grid, lanes: Lanes, step):
+    """Whether a step is long enough for it, and the lane has iterations to spare."""
+    return (step > SMALLEST_PART * grid.step) & (lanes.spent < grid.spare)
+
+
+def parted(grid: Grid, lanes: Lanes, kept, halved, share, step):
     """Longest step to try next, and the part of the way to the next grid point that it is; 0 for the whole."""
     eased = (lanes.doing <= NORMAL) & ~kept & (share < LARGEST_SHARE / GROWTH)
-    pace = jnp.where(coarse, 0.5 * step, jnp.where(eased, 2 * lanes.pace, lanes.pace))
+    pace = jnp.where(halved, 0.5 * step, jnp.where(eased, 2 * lanes.pace, lanes.pace))
     pace = jnp.minimum(pace, grid.step)
     ahead = jnp.where(kept, lanes.left, jnp.where(lanes.doing == NORMAL, grid.step, lanes.left - step))
     parts = jnp.ceil((1 - LANDING_TOLERANCE) * ahead / pace)

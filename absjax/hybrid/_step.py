@@ -9,6 +9,8 @@ Every iteration takes one Runge-Kutta step per lane, of a size that depends on w
   keeps its place, and the step is corrected by -g / g'. A landing that misses by more than `LANDING_TOLERANCE` grid
   steps is tried again. The first time g' is the rate of the guard along the flow; from then on it is the slope of the
   secant: where the flow is stiff, the guard at the end of a Runge-Kutta step of growing size rises at another rate.
+  Where no landing finds the guard at zero, as on a hump that only the interpolant has, the step is taken in halves,
+  whose interpolants are nearer.
 * CROSSING: over the corrected step, which ends on the guard, and the jump. A guard that a jump has left at zero and
   that rises is crossed as well, in a step of size 0: one that another channel has reached in the same instant.
 * TOUCHING: the same for a guard that only grazes zero.
@@ -48,7 +50,7 @@ from absjax.hybrid._lanes import (
     time_of,
 )
 from absjax.hybrid._locate import Ends
-from absjax.hybrid._parts import is_coarse, local_error, parted
+from absjax.hybrid._parts import is_coarse, local_error, may_be_halved, parted
 from absjax.lanes import mapped
 from absjax.results import DIVERGED
 
@@ -198,22 +200,27 @@ def _decide(grid: Grid, lanes: Lanes, held, coarse, share, there: Local, here: L
     again = (lanes.doing < LAST_LANDING) & (jnp.abs(miss) > tolerance * grid.step * closing)
     corrected = jnp.clip(lanes.landing - safe_divide(miss, closing, sound), 0.0, lanes.left)
     landed = jnp.where(sound, jnp.where(again, lanes.doing + 1, CROSSING), TOUCHING)
+    tried = jnp.minimum(lanes.pace, lanes.left)
+    short = trying & ~sound & (miss < 0) & ~rejected & may_be_halved(grid, lanes, tried)
+    halved = coarse | short
     opened_by = (jnp.where(_left_behind(grid, lanes, here, i), -1.0, g) for i, g in enumerate(here.guards))
     opened, open_slot = first_open(tuple(opened_by))
     at_once = opened & _arrived_at(grid, lanes, here, open_slot)
     doing = jnp.where(trying, landed, jnp.where(at_once, CROSSING, jnp.where(opened, IMMEDIATE, NORMAL)))
     slot = jnp.where(trying, lanes.slot, open_slot)
     kept = held | rejected | trying | coarse
-    doing = jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), jnp.where(coarse, NORMAL, doing))
-    pace, part = parted(grid, lanes, kept, coarse, share, step)
+    doing = jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), jnp.where(halved, NORMAL, doing))
+    pace, part = parted(grid, lanes, kept, halved, share, jnp.where(short, tried, step))
     doing = jnp.where((doing == NORMAL) & (part > 0), PART, doing)
     return Decision(
         kept=kept,
         doing=doing.astype(jnp.int32),
         slot=jnp.where(rejected, target, slot).astype(jnp.int32),
-        landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, jnp.where(doing == PART, part, 0.0))),
+        landing=jnp.where(
+            rejected, fraction * step, jnp.where(trying & ~short, corrected, jnp.where(doing == PART, part, 0.0))
+        ),
         missed=jnp.where(trying, miss, lanes.missed_before),
-        grazed=jnp.where(rejected, grazing, trying & ~sound),
+        grazed=jnp.where(rejected, grazing, trying & ~sound & ~short),
         pace=pace,
     )
 

@@ -3,7 +3,7 @@
 For each controller, stops at several steps against those at the shortest: how many end otherwise or switch another
 number of times, how many of these are told (`STEP_TOO_LARGE`, or unstable by their growth), and how far the distances
 of the others are apart. Those that switch otherwise and are not told are braked again, to higher stop speeds: how many
-have parted by then.
+have parted by then. Of some of them only the end falls before a switching instead of after it.
 """
 
 import argparse
@@ -32,11 +32,11 @@ def random_stops(kind, lanes: int, seed: int, end: float):
     return dataclasses.replace(taken(loop, order), stop_speed=end), speed[order]
 
 
-def braked(loop, speed, step: float):
+def braked(loop, speed, step: float, **options):
     """The stops."""
     if isinstance(loop, DelayedLoop):
         loop = dataclasses.replace(loop, nodes=nodes_of(DELAYS[1], step))
-    return stop(loop, speed, horizon=14.0, step=step, max_events=800, tile=64)
+    return stop(loop, speed, horizon=14.0, step=step, max_events=800, tile=64, **options)
 
 
 def attack(loop, speed, steps: list[float]) -> dict[float, dict]:
@@ -59,17 +59,30 @@ def attack(loop, speed, steps: list[float]) -> dict[float, dict]:
     return found
 
 
-def parted(loop, speed, lanes, step: float, shortest: float) -> dict[float, int]:
-    """How many of some lanes switch another number of times down to each speed of `ABOVE` [m/s] already."""
+def parted(loop, speed, lanes, step: float, shortest: float) -> str:
+    """How many of some lanes part only at their end, and how many switch another number of times down to each speed of
+    `ABOVE` [m/s] already."""
     if not len(lanes):
-        return {}
+        return "none"
     padded = np.resize(lanes, -(-len(lanes) // PADDED) * PADDED)
-    some = dataclasses.replace(
-        repeated(taken(loop, padded), len(ABOVE)), stop_speed=np.tile(ABOVE, len(padded)).astype(float)
-    )
-    events = [braked(some, np.repeat(speed[padded], len(ABOVE)), h).rollout.events for h in (step, shortest)]
-    differ = (np.asarray(events[0]) != np.asarray(events[1])).reshape(-1, len(ABOVE))[: len(lanes)]
-    return dict(zip(ABOVE, differ.sum(axis=0).tolist()))
+    some, speed = taken(loop, padded), speed[padded]
+    several = dataclasses.replace(repeated(some, len(ABOVE)), stop_speed=np.tile(ABOVE, len(padded)).astype(float))
+    events = [np.asarray(braked(several, np.repeat(speed, len(ABOVE)), h).rollout.events) for h in (step, shortest)]
+    differ = (events[0] != events[1]).reshape(-1, len(ABOVE))[: len(lanes)]
+    already = ", ".join(f"{n} down to {v:g} m/s" for v, n in zip(ABOVE, differ.sum(axis=0)))
+    if isinstance(loop, DelayedLoop):
+        # The record of its past would not fit into the memory.
+        return f"already {already}"
+    paths = [np.asarray(braked(some, speed, h, save_switches=True).rollout.log.target) for h in (step, shortest)]
+    ends = sum(_same_but_the_end(*pair) for pair in zip(paths[0][: len(lanes)], paths[1]))
+    return f"only at the end {ends}; already {already}"
+
+
+def _same_but_the_end(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether a sequence of modes, its end left away, is how the other begins."""
+    one, other = (modes[modes >= 0] for modes in (one, other))
+    some = min(len(one), len(other))
+    return bool(np.array_equal(one[:some], other[:some]))
 
 
 def row(found: dict, shortest: dict) -> tuple[str, np.ndarray]:
@@ -113,7 +126,7 @@ def main() -> None:
             line, lanes = row(found[step], found[options.steps[-1]])
             already = parted(loop, speed, lanes, step, options.steps[-1])
             print(f"{kind.__name__:21} {1e3 * step:g} ms: {line}", flush=True)
-            print(f"    these lanes: {lanes.tolist()}; down to {already} m/s they do already", flush=True)
+            print(f"    the regular that switch otherwise: {lanes.tolist()}; {already}", flush=True)
 
 
 if __name__ == "__main__":
