@@ -71,7 +71,8 @@ def attack(kind, lanes: int, seed: int, step: float) -> dict:
     same = (events == np.asarray(result.rollout.events)[:, None]).reshape(len(speed), len(WIDTHS), 2).all(axis=2)
     at = np.asarray(result.distance)[:, None]
     scales = np.abs(differences) + NEGLIGIBLE * at
-    apart = np.abs(np.diff(differences, axis=1)) / scales[:, 1:]
+    rounding = at * np.minimum(ROUNDING / WIDTHS, 0.01 * NEGLIGIBLE)
+    apart = np.maximum(np.abs(np.diff(differences, axis=1)) - rounding[:, 1:], 0.0) / scales[:, 1:]
     spread = np.maximum(apart[:, :-1], apart[:, 1:])
     spread = np.where(same[:, :-2] & same[:, 1:-1] & same[:, 2:], spread, np.inf)
     best = (spread <= AGREE).argmax(axis=1) + 1
