@@ -29,7 +29,7 @@ KINK = 1e-3
 """By which, as a share, the differences to both sides are apart at a kink."""
 NEGLIGIBLE = 1e-6
 """Derivative, as a share of the distance, that counts as none: errors are shares of what is above."""
-ROUNDING = 1e-14
+ROUNDING = 1e-13
 """Of distances, as a share."""
 
 
