@@ -16,7 +16,8 @@ from jax import lax
 from jax.custom_derivatives import SymbolicZero
 
 from absjax.hybrid import _step, _tangent
-from absjax.hybrid._step import Grid, Lanes, Tile
+from absjax.hybrid._lanes import CROSSING, NORMAL, Grid, Lanes, is_active
+from absjax.hybrid._step import Tile
 
 
 class Plan(NamedTuple):
@@ -58,8 +59,8 @@ def _segment(system_axes, plan: Plan):
             after, kept = _step.advance(Tile(system, system_axes), grid, before)
             record = None
             if plan.save:
-                jumped = ~kept & (before.doing >= _step.CROSSING)
-                arrived = ~kept & (before.doing == _step.NORMAL)
+                jumped = ~kept & (before.doing >= CROSSING)
+                arrived = ~kept & (before.doing == NORMAL)
                 record = Record(after.state, after.left, after.index, before.mode, after.mode, arrived, jumped)
             decisions = before._replace(
                 local=None, landed_before=None, missed_before=None, strain=None, pace=None, spent=None
@@ -167,7 +168,7 @@ def run_tile(system, state, mode, grid: Grid, system_axes, plan: Plan):
         return lanes, _no_records(lanes, plan)
 
     def body(lanes, _):
-        under_way = jnp.any(_step.is_active(grid, lanes))
+        under_way = jnp.any(is_active(grid, lanes))
         return lax.cond(under_way, segment, skip, system, grid, lanes)
 
     lanes, records = lax.scan(body, _with_tangents(system, lanes), None, length=plan.segments)

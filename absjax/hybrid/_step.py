@@ -4,14 +4,13 @@ Every iteration takes one Runge-Kutta step per lane, of a size that depends on w
 
 * NORMAL: to the next grid point. If a guard has crossed on the way the step is rejected, and the lane
   will land on the crossing instead.
-* PART: the same over a part of the way, where the flow is too fast for the whole. A step whose local error is above
-  `LARGEST_SHARE` of the state is rejected and halved; the parts grow again as errors allow. A lane has `Grid.spare`
-  iterations for that, and takes steps as they are from then on. For x' = s x parts are those with |h s| below 1 or so,
-  where x at the end of a step rises and falls with its size: landings converge, and nothing is crossed by overshooting.
+* PART: the same over a part of the way, where the flow is too fast for the whole (`absjax.hybrid._parts`).
 * LANDING to LAST_LANDING: to where the guard's Hermite interpolant is zero, only to see how far that misses; the lane
   keeps its place, and the step is corrected by -g / g'. A landing that misses by more than `LANDING_TOLERANCE` grid
   steps is tried again. The first time g' is the rate of the guard along the flow; from then on it is the slope of the
   secant: where the flow is stiff, the guard at the end of a Runge-Kutta step of growing size rises at another rate.
+  Where no landing finds the guard at zero, as on a hump that only the interpolant has, the step is taken in halves,
+  whose interpolants are nearer.
 * CROSSING: over the corrected step, which ends on the guard, and the jump. A guard that a jump has left at zero and
   that rises is crossed as well, in a step of size 0: one that another channel has reached in the same instant.
 * TOUCHING: the same for a guard that only grazes zero.
@@ -25,74 +24,40 @@ so they stand behind a `lax.cond`, which is never fused, and which a tile that i
 """
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
 
-from absjax._numerics import first_open, per_lane, pick, rk4_step, safe_divide, tree_where
+from absjax._numerics import first_open, pick, rk4_step, safe_divide, tree_where
 from absjax.hybrid import _locate
+from absjax.hybrid._lanes import (
+    CROSSING,
+    IMMEDIATE,
+    LANDING,
+    LANDING_TOLERANCE,
+    LAST_LANDING,
+    LATE_LANDING,
+    NORMAL,
+    PART,
+    TOUCHING,
+    Grid,
+    Lanes,
+    Local,
+    is_active,
+    step_of,
+    time_of,
+)
 from absjax.hybrid._locate import Ends
+from absjax.hybrid._parts import is_coarse, local_error, may_be_halved, parted
 from absjax.lanes import mapped
 from absjax.results import DIVERGED
 
-PART, NORMAL, LANDING, LATE_LANDING, LAST_LANDING, CROSSING, TOUCHING, IMMEDIATE = -1, 0, 1, 6, 12, 13, 14, 15
-LANDING_TOLERANCE = 1e-5
 LATE_TOLERANCE = 1e-4
 """From LATE_LANDING on: what is still further off is no rounding, but a flow too stiff for the tries before."""
-LARGEST_SHARE = 1e-4
-"""Local error, as a share of the state, above which a step is halved."""
-GROWTH = 32.0
-"""How far below it an error has to be for the next step to be twice as long: the error goes with its fourth power."""
-SMALLEST_PART = 1 / 128
-"""of a grid step that is made"""
 SECANT_SHORTEST = 1e-6
 """Landings nearer to each other than this share of a grid step have no secant: rounding is in the way."""
-
-
-class Grid(NamedTuple):
-    """The time grid, `start + index * step`, how many switchings a lane may make on it, and how many
-    iterations more than those of the grid its parts may take."""
-
-    start: jax.Array
-    step: jax.Array
-    steps: jax.Array
-    max_events: jax.Array
-    spare: jax.Array
-
-
-class Local(NamedTuple):
-    """What is known at the lanes' present points: d(state)/dt, guard values, guard rates."""
-
-    slope: Any
-    guards: tuple[jax.Array, ...]
-    rates: tuple[jax.Array, ...]
-
-
-class Lanes(NamedTuple):
-    """The lanes of a tile, arrays (lanes,). `index` grid points are behind, `left` seconds to the next."""
-
-    index: jax.Array
-    left: jax.Array
-    state: Any
-    mode: jax.Array
-    doing: jax.Array
-    landing: jax.Array
-    landed_before: jax.Array
-    """size of the last landing, s"""
-    missed_before: jax.Array
-    """guard at its end"""
-    slot: jax.Array
-    events: jax.Array
-    grazes: jax.Array
-    strain: jax.Array
-    """local errors of the steps so far, added up; each as a share of the state"""
-    pace: jax.Array
-    """longest step to try, s"""
-    spent: jax.Array
-    """iterations on parts of grid steps"""
-    local: Local
 
 
 @partial(jax.jit, static_argnums=(0, 1))
@@ -162,23 +127,6 @@ def enter(tile: Tile, grid: Grid, state, mode) -> Lanes:
     left = jnp.broadcast_to(grid.step, mode.shape)
     none = jnp.zeros_like(left)
     return Lanes(zero, left, state, mode, doing, none, none, none, slot, zero, zero, none, left, zero, here)
-
-
-def is_active(grid: Grid, lanes: Lanes):
-    """Whether a lane has somewhere to go, and may: a switching that is due beyond the last allowed is not made."""
-    exhausted = (lanes.events >= grid.max_events) & (lanes.doing >= CROSSING)
-    return (lanes.index < grid.steps) & (lanes.mode >= 0) & ~exhausted
-
-
-def time_of(grid: Grid, lanes: Lanes):
-    """Present time, from the integer index, never accumulated."""
-    return grid.start + (lanes.index + 1) * grid.step - lanes.left
-
-
-def step_of(lanes: Lanes, held):
-    """Size of the step `Lanes.doing` asks for; lanes that are `held` stay where they are."""
-    step = jnp.where(lanes.doing == NORMAL, lanes.left, jnp.where(lanes.doing == IMMEDIATE, 0.0, lanes.landing))
-    return jnp.where(held, 0.0, step)
 
 
 def _move(tile: Tile, grid: Grid, lanes: Lanes, step):
@@ -252,40 +200,29 @@ def _decide(grid: Grid, lanes: Lanes, held, coarse, share, there: Local, here: L
     again = (lanes.doing < LAST_LANDING) & (jnp.abs(miss) > tolerance * grid.step * closing)
     corrected = jnp.clip(lanes.landing - safe_divide(miss, closing, sound), 0.0, lanes.left)
     landed = jnp.where(sound, jnp.where(again, lanes.doing + 1, CROSSING), TOUCHING)
+    tried = jnp.minimum(lanes.pace, lanes.left)
+    short = trying & ~sound & (miss < 0) & ~rejected & may_be_halved(grid, lanes, tried)
+    halved = coarse | short
     opened_by = (jnp.where(_left_behind(grid, lanes, here, i), -1.0, g) for i, g in enumerate(here.guards))
     opened, open_slot = first_open(tuple(opened_by))
     at_once = opened & _arrived_at(grid, lanes, here, open_slot)
     doing = jnp.where(trying, landed, jnp.where(at_once, CROSSING, jnp.where(opened, IMMEDIATE, NORMAL)))
     slot = jnp.where(trying, lanes.slot, open_slot)
     kept = held | rejected | trying | coarse
-    doing = jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), jnp.where(coarse, NORMAL, doing))
-    pace, part = _parted(grid, lanes, kept, coarse, share, step)
+    doing = jnp.where(rejected, jnp.where(grazing, TOUCHING, LANDING), jnp.where(halved, NORMAL, doing))
+    pace, part = parted(grid, lanes, kept, halved, share, jnp.where(short, tried, step))
     doing = jnp.where((doing == NORMAL) & (part > 0), PART, doing)
     return Decision(
         kept=kept,
         doing=doing.astype(jnp.int32),
         slot=jnp.where(rejected, target, slot).astype(jnp.int32),
-        landing=jnp.where(rejected, fraction * step, jnp.where(trying, corrected, jnp.where(doing == PART, part, 0.0))),
+        landing=jnp.where(
+            rejected, fraction * step, jnp.where(trying & ~short, corrected, jnp.where(doing == PART, part, 0.0))
+        ),
         missed=jnp.where(trying, miss, lanes.missed_before),
-        grazed=jnp.where(rejected, grazing, trying & ~sound),
+        grazed=jnp.where(rejected, grazing, trying & ~sound & ~short),
         pace=pace,
     )
-
-
-def _is_coarse(grid: Grid, lanes: Lanes, share, step):
-    """Whether a step is too long for the flow, and may be halved."""
-    fast = (lanes.doing <= NORMAL) & (share > LARGEST_SHARE)
-    return fast & (step > SMALLEST_PART * grid.step) & (lanes.spent < grid.spare)
-
-
-def _parted(grid: Grid, lanes: Lanes, kept, coarse, share, step):
-    """Longest step to try next, and the part of the way to the next grid point that it is; 0 for the whole."""
-    eased = (lanes.doing <= NORMAL) & ~kept & (share < LARGEST_SHARE / GROWTH)
-    pace = jnp.where(coarse, 0.5 * step, jnp.where(eased, 2 * lanes.pace, lanes.pace))
-    pace = jnp.minimum(pace, grid.step)
-    ahead = jnp.where(kept, lanes.left, jnp.where(lanes.doing == NORMAL, grid.step, lanes.left - step))
-    parts = jnp.ceil((1 - LANDING_TOLERANCE) * ahead / pace)
-    return pace, jnp.where((parts > 1) & (lanes.spent < grid.spare), ahead / jnp.maximum(parts, 1.0), 0.0)
 
 
 def _humps_possible(lanes: Lanes, there: Local, step, normal):
@@ -332,28 +269,6 @@ def _finite(tree):
     return jnp.isfinite(sum(leaf if leaf.ndim == 1 else leaf.sum(axis=range(1, leaf.ndim)) for leaf in leaves))
 
 
-def _share(state, reached, last, slope, step, scales):
-    """Local error of a step as a share of the state, that of the worst of its numbers.
-
-    What the last of the four slopes, k4, is off the slope at the end of the step, f(x1), makes h/6 (k4 - f(x1)) of it.
-    For x' = s x it is (h s)^4 / 72 of x: 0.001 at h s = 1/2, beyond all bounds where h s nears 3.
-    """
-
-    def share(before, after, k4, k, least):
-        if k is None:
-            return jnp.zeros_like(step)
-        change = per_lane(step, k) * (jnp.abs(k4) + jnp.abs(k))
-        scale = jnp.abs(before) + jnp.abs(after) + change + per_lane(least, k)
-        error = safe_divide(per_lane(step, k) / 6 * jnp.abs(k4 - k), scale, scale > 0)
-        return error.max(axis=range(1, error.ndim))
-
-    worst = jnp.zeros_like(step)
-    shares = jax.tree.map(share, state, reached, last, slope, scales, is_leaf=lambda leaf: leaf is None)
-    for error in jax.tree.leaves(shares):
-        worst = jnp.maximum(worst, error)
-    return worst
-
-
 def _ends(lanes: Lanes, there: Local, step, i: int) -> Ends:
     return Ends(lanes.local.guards[i], step * lanes.local.rates[i], there.guards[i], step * there.rates[i])
 
@@ -371,7 +286,7 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
     held = ~(active & finite)
     share = lax.cond(
         jnp.any(lanes.doing <= NORMAL),
-        lambda before, after, last, slope: _share(before, after, last, slope, step, tile.scales(before)),
+        lambda before, after, last, slope: local_error(before, after, last, slope, step, tile.scales(before)),
         lambda *_: jnp.zeros_like(step),
         *(lanes.state, reached, last, there.slope),
     )
@@ -383,7 +298,7 @@ def advance(tile: Tile, grid: Grid, lanes: Lanes) -> tuple[Lanes, jax.Array]:
         busy = lanes.doing != NORMAL
         for i in range(len(here.guards)):
             busy = busy | _locate.may_cross(_ends(lanes, there, step, i)) | (here.guards[i] >= 0)
-        coarse = _is_coarse(grid, lanes, share, step) & ~held
+        coarse = is_coarse(grid, lanes, share, step) & ~held
         busy = busy | coarse | ((lanes.pace < grid.step) & ~held)
         decision = lax.cond(jnp.any(busy), _decide, calm, grid, lanes, held, coarse, share, there, here, step)
     else:

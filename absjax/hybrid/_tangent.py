@@ -18,7 +18,8 @@ import jax.numpy as jnp
 from jax import lax
 
 from absjax._numerics import per_lane, pick, rk4_step, safe_divide, tree_where
-from absjax.hybrid._step import CROSSING, NORMAL, PART, Grid, Lanes, Tile, step_of, time_of
+from absjax.hybrid._lanes import CROSSING, NORMAL, PART, Grid, Lanes, step_of, time_of
+from absjax.hybrid._step import Tile
 
 
 def tangent(

@@ -6,9 +6,8 @@ import jax
 import jax.numpy as jnp
 
 from absjax._numerics import tree_where
-from absjax.hybrid import _step
+from absjax.hybrid._lanes import Grid, Lanes, time_of
 from absjax.hybrid._scan import Record
-from absjax.hybrid._step import Grid, Lanes
 from absjax.results import UNUSED
 
 
@@ -40,7 +39,7 @@ def collect(grid: Grid, steps: int, start, lane: Lanes, records: Record, save_ev
         place = jnp.where(wanted, records.index // save_every - 1, points)
         at = jnp.full(points, -1, jnp.int32).at[place].set(iterations, mode="drop")
         valid = at >= 0
-        end_time = _step.time_of(grid, lane)
+        end_time = time_of(grid, lane)
 
         def series(first, path, last):
             return jnp.concatenate([first[None], tree_where(valid, path[at], jnp.broadcast_to(last, path[at].shape))])
@@ -56,7 +55,7 @@ def collect(grid: Grid, steps: int, start, lane: Lanes, records: Record, save_ev
         at = jnp.full(max_logged, -1, jnp.int32).at[place].set(iterations, mode="drop")
         logged = at >= 0
         switches = SwitchLog(
-            jnp.where(logged, clock[at], _step.time_of(grid, lane)),
+            jnp.where(logged, clock[at], time_of(grid, lane)),
             jnp.where(logged, records.source[at], UNUSED),
             jnp.where(logged, records.mode[at], UNUSED),
         )

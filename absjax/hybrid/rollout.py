@@ -11,9 +11,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from absjax.hybrid import _step
+from absjax.hybrid._lanes import Grid, time_of
 from absjax.hybrid._scan import Plan, run_tile
-from absjax.hybrid._step import Grid
 from absjax.hybrid._tiles import over_tiles
 from absjax.hybrid.recording import SwitchLog, Trajectory, collect
 from absjax.hybrid.system import HybridSystem
@@ -131,7 +130,7 @@ def rollout(
 ) -> Rollout:
     """Roll a hybrid system out over `steps` grid steps, every switching located inside its step.
 
-    A step over which the flow of a system that switches is too fast is taken in parts (`absjax.hybrid._step`).
+    A step over which the flow of a system that switches is too fast is taken in parts (`absjax.hybrid._parts`).
 
     One lane or an ensemble: wherever `system`, `state` or `mode` has a leaf with one leading axis more
     than a single lane needs, that axis counts lanes (`absjax.lanes.lane_axes`); other leaves are
@@ -233,7 +232,7 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
             Status.DIVERGED,
             jnp.where(ended & too_fast, Status.STEP_TOO_LARGE, at_end),
         ).astype(jnp.int32)
-        time = _step.time_of(grid, final)
+        time = time_of(grid, final)
         return Rollout(time, final.state, final.mode, status, final.events, final.grazes, final.strain, *kept)
 
     tile = tile or min(TILE, max(SMALLEST_TILE, -(-lanes // len(jax.local_devices()))))

@@ -14,17 +14,28 @@ from absjax.plant.base import Actuator
 LEAVING_RATE = 1.0
 """Rate, bar/s, that has to be asked for before the pressure leaves a limit: at 0 rounding would send it back."""
 
+AT_LIMIT = 1e-3
+"""bar; a pressure nearer to a limit than this is at it, but for rounding."""
+
 
 def granted(parts: Mode, rate, slope):
     """The rate [bar/s] of the commanded pressure where `rate` is asked for and the pedal moves with `slope`."""
     return jnp.where(parts.pressure == FREE, rate, jnp.where(parts.pressure == ON_PEDAL, slope, 0.0))
 
 
+def _beyond(excess, outwards):
+    """How far the pressure is beyond a limit [bar]. One that has left it inwards stands at it, but is not beyond.
+
+    Elsewhere this does not depend on where the command goes, and is smooth: a pressure that touches a limit and turns
+    back within a step is seen by its course.
+    """
+    return jnp.where(outwards | (jnp.abs(excess) > AT_LIMIT), excess, -AT_LIMIT)
+
+
 def guard(driver: Driver, brake, pedal: Pedal, parts: Mode, rate):
     """Rises through zero where the pressure comes to rest on a limit or, asked the other way, leaves."""
     pressure, ahead = brake.commanded, rate - driver.slope(parts.foot)
-    above = jnp.where(ahead > 0, pressure - pedal.level, NEVER)
-    below = jnp.where(rate < 0, -pressure, NEVER)
+    above, below = _beyond(pressure - pedal.level, ahead > 0), _beyond(-pressure, rate < 0)
     leaving = jnp.where(parts.pressure == ON_PEDAL, -ahead, rate) - LEAVING_RATE
     # Under a foot that is off both limits are zero, and a command still held from before has nowhere to go.
     leaving = jnp.where(parts.foot == OFF, NEVER, leaving)

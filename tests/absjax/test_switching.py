@@ -1,11 +1,14 @@
 """Switchings against closed forms, and the cases in which locating them is delicate."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from absjax.hybrid.rollout import Status, rollout
+from absjax.parameters import model, parameter
 from absjax.results import RolloutError
 from tests.systems import Decay, Explosion, Level, Oscillator, Race, Relay, Swing, Twins
 
@@ -168,3 +171,35 @@ def test_strain_adds_up_local_errors_and_says_when_the_step_is_too_large():
     assert list(np.asarray(result.status)) == [Status.COMPLETED] * 3 + [Status.STEP_TOO_LARGE]
     with pytest.raises(RolloutError, match="lane 3: it reached its end, but its flow is too fast"):
         result.raise_if_failed()
+
+
+@model
+class Flat:
+    """x' = 1 until top - (x - 0.4)^4 rises through zero, then x' = -1."""
+
+    top: Any = parameter("largest value of the guard", default=0.01)
+
+    def flow(self, time, state, mode):
+        return Level(jnp.where(mode == 0, 1.0, -1.0) + 0.0 * state.x)
+
+    def guards(self, time, state, mode):
+        return (jnp.where(mode == 0, self.top - (state.x - 0.4) ** 4, -1.0),)
+
+    def jump(self, time, state, mode, slot):
+        return state, mode + 1
+
+
+def test_a_hump_that_only_the_interpolant_has_is_not_crossed():
+    """The interpolant of the first step rises to 0.06 above the guard. Crossed at x = 0.4 - top^(1/4), if at all."""
+    top = jnp.array([-0.03, -1e-3, 1e-3, 0.01])
+
+    def ends(top):
+        return rollout(Flat(top), Level(jnp.zeros(4)), step=1.0, steps=2, max_events=2)
+
+    result = ends(top)
+    assert np.asarray(result.events).tolist() == [0, 0, 1, 1] and not np.any(result.grazes)
+    turns = 0.4 - jnp.maximum(top, 0.0) ** 0.25
+    np.testing.assert_allclose(result.state.x, jnp.where(top < 0, 2.0, 2 * turns - 2.0), atol=1e-8)
+    slopes = jax.grad(lambda top: ends(top).state.x.sum())(top)
+    np.testing.assert_allclose(slopes[:2], 0.0)
+    np.testing.assert_allclose(slopes[2:], -0.5 * top[2:] ** -0.75, rtol=1e-5)

@@ -1,10 +1,13 @@
 """Gradients of the stopping distance of random stops against central differences: `python -m tests.attack.gradients`.
 
 Of every lane, the derivative along one random direction of all trainable parameters, by forward mode. Differences
-count where three widths in the ratio 4, of seven, agree to 1e-4 and the number of switchings is the same at their ends.
+count where three widths in the ratio 4, of twelve, agree to 1e-4 and the number of switchings is the same at their
+ends; the widest such three do. Narrow ones are for unstable stops, whose distance is straight over a range that shrinks
+as its derivative grows.
 Where the distance has a kink within them, as where a stage of a step meets the brake's limit of rate, both sides agree
 with themselves and not with each other: the derivative is held against the nearer of the two. Lanes that do not count
-are listed with the reason.
+are listed with the reason, and how many of them are unstable by their growth: what is straight of their distance is
+lost in rounding.
 """
 
 import argparse
@@ -14,16 +17,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from absjax.controllers import CONTROLLERS
 from absjax.lanes import repeated
+from absjax.loop.growth import is_unstable
 from absjax.loop.stop import Outcome, stop
 from absjax.parameters import trainable_names
-from tests.attack.stops import random_loop, random_speeds
+from tests.attack.stops import KINDS, random_loop, random_speeds
 
-WIDTHS = 4e-5 * 0.25 ** np.arange(7)
+WIDTHS = 4e-5 * 0.25 ** np.arange(12)
 AGREE = 1e-4
 KINK = 1e-3
 """By which, as a share, the differences to both sides are apart at a kink."""
+NEGLIGIBLE = 1e-6
+"""Derivative, as a share of the distance, that counts as none: errors are shares of what is above."""
+ROUNDING = 1e-13
+"""Of distances, as a share."""
 
 
 def shifted(loop, directions, shift):
@@ -36,21 +43,23 @@ def shifted(loop, directions, shift):
 def attack(kind, lanes: int, seed: int, step: float) -> dict:
     """How far derivatives are off their differences, which count, and which stops end; arrays (lanes,)."""
     rng = np.random.default_rng(seed)
-    loop, speed = random_loop(kind, rng, lanes), random_speeds(rng, lanes)
+    loop, speed = random_loop(kind, rng, lanes, step), random_speeds(rng, lanes)
     directions = rng.normal(size=(len(trainable_names(kind)), lanes))
 
     def run(loop, speed):
         return stop(loop, speed, horizon=14.0, step=step, max_events=600, tile=128)
 
     @jax.jit
-    def exact(loop, speed, directions):
-        def distance(shift):
+    def exact(loop, speed, directions, along, faster):
+        def distance(shift, speed):
             result = run(shifted(loop, directions, shift), speed)
             return result.distance, result
 
-        return jax.jvp(distance, (jnp.zeros(len(speed)),), (jnp.ones(len(speed)),), has_aux=True)
+        return jax.jvp(distance, (jnp.zeros(len(speed)), speed), (along, faster), has_aux=True)[1:]
 
-    _, slope, result = exact(loop, speed, directions)
+    one, zero = np.ones(lanes), np.zeros(lanes)
+    slope, result = exact(loop, speed, directions, one, zero)
+    grown, _ = exact(loop, speed, directions, zero, speed)
     ends = [s * w for w in WIDTHS for s in (1, -1)]
     many = repeated(loop, len(ends))
     moved = shifted(many, np.repeat(directions, len(ends), axis=1), np.tile(ends, len(speed)))
@@ -59,21 +68,22 @@ def attack(kind, lanes: int, seed: int, step: float) -> dict:
     differences = (distances[..., 0] - distances[..., 1]) / (2 * WIDTHS)
     events = np.asarray(others.rollout.events).reshape(len(speed), -1)
     ended = (np.asarray(others.outcome).reshape(len(speed), -1) == Outcome.STOPPED).all(axis=1)
-    same = (events == events[:, :1]).reshape(len(speed), len(WIDTHS), 2).all(axis=2)
-    apart = np.abs(np.diff(differences, axis=1)) / (np.abs(differences[:, 1:]) + 1e-6)
+    same = (events == np.asarray(result.rollout.events)[:, None]).reshape(len(speed), len(WIDTHS), 2).all(axis=2)
+    at = np.asarray(result.distance)[:, None]
+    scales = np.abs(differences) + NEGLIGIBLE * at
+    rounding = at * np.minimum(ROUNDING / WIDTHS, 0.01 * NEGLIGIBLE)
+    apart = np.maximum(np.abs(np.diff(differences, axis=1)) - rounding[:, 1:], 0.0) / scales[:, 1:]
     spread = np.maximum(apart[:, :-1], apart[:, 1:])
     spread = np.where(same[:, :-2] & same[:, 1:-1] & same[:, 2:], spread, np.inf)
-    best = spread.argmin(axis=1) + 1
+    best = (spread <= AGREE).argmax(axis=1) + 1
     lane = np.arange(len(speed))
-    last = differences[lane, best]
-    scale = np.abs(last) + 1e-6
-    at = np.asarray(result.distance)[:, None]
+    scale, slope = scales[lane, best], np.asarray(slope)
     every = np.stack([distances[..., 0] - at, at - distances[..., 1]]) / WIDTHS
-    gap, sides = np.abs(every[0] - every[1]), every[:, lane, best]
+    gap = np.maximum(np.abs(every[0] - every[1]) - ROUNDING * at / WIDTHS, 0.0)
     # What is curved has sides that approach each other with the width; at a kink they stay apart.
     kinked = (gap[lane, best] > KINK * scale) & (gap[lane, best + 1] > 0.5 * gap[lane, best])
-    exact = np.asarray(slope)
-    off = np.where(kinked, np.abs(exact - sides).min(axis=0), np.abs(exact - last)) / scale
+    sides = np.abs(slope - every[:, lane, best + 1]).min(axis=0)
+    off = np.where(kinked, sides, np.abs(slope - differences[lane, best])) / scale
     grazed, agrees = np.asarray(result.rollout.grazes) > 0, spread.min(axis=1) <= AGREE
     some = (same[:, :-2] & same[:, 1:-1] & same[:, 2:]).any(axis=1)
     reasons = {
@@ -81,7 +91,14 @@ def attack(kind, lanes: int, seed: int, step: float) -> dict:
         "switches another number of times": ended & ~grazed & ~some,
         "differences do not agree": ended & ~grazed & some & ~agrees,
     }
-    return {"off": off, "counted": ended & ~grazed & agrees, "kinked": kinked, "ended": ended, "reasons": reasons}
+    return {
+        "off": off,
+        "counted": ended & ~grazed & agrees,
+        "kinked": kinked,
+        "ended": ended,
+        "unstable": np.asarray(is_unstable(grown / result.distance)),
+        "reasons": reasons,
+    }
 
 
 def main() -> None:
@@ -93,7 +110,7 @@ def main() -> None:
     parser.add_argument("--controllers", nargs="*", default=None, help="class names; all where not given")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    for kind in CONTROLLERS.values():
+    for kind in KINDS:
         if options.controllers and kind.__name__ not in options.controllers:
             continue
         step = options.step or kind.grid_step
@@ -107,7 +124,9 @@ def main() -> None:
             flush=True,
         )
         for reason, lanes in found["reasons"].items():
-            print(f"    not counted, {reason}: {lanes.sum()}, lanes {np.nonzero(lanes)[0].tolist()}", flush=True)
+            unstable = (lanes & found["unstable"]).sum()
+            print(f"    not counted, {reason}: {lanes.sum()}, of them unstable {unstable}, lanes ", end="")
+            print(np.nonzero(lanes)[0].tolist(), flush=True)
 
 
 if __name__ == "__main__":

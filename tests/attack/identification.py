@@ -18,6 +18,7 @@ from tests.oracles.log_scenarios import Brake, Logging, Scatter, Sensors, on_two
 from tests.oracles.log_simulator import Record, simulate
 from tuning.logs.brake_log import read_log
 from tuning.logs.car import Car, car_from
+from tuning.logs.tables import LogError
 from tuning.road.identify import Identification, identify
 
 RADIUS = 0.3
@@ -64,11 +65,14 @@ def car_of(record: Record, description) -> Car:
 
 
 def found(record: Record, description, folder: Path) -> Identification | None:
-    """What is identified of a record; None, printed, where that fails."""
+    """What is identified of a record; None, printed, where it is refused or that fails."""
     path = folder / "log.csv"
     record.write_csv(path)
     try:
         return identify(read_log(path, radius=RADIUS), car_of(record, description))
+    except LogError as refusal:
+        print(f"refused: {refusal}")
+        return None
     except Exception:
         traceback.print_exc(limit=3)
         return None
@@ -90,7 +94,7 @@ def judged(records, results) -> dict:
             if segment.identifiable["peak_friction"]:
                 errors.append(abs(segment.peak_friction / truth["peak_friction"] - 1))
                 slips.append(abs(segment.peak_slip - truth["peak_slip"]))
-    verdicts = collections.Counter("failed" if r is None else r.verdict for r in results)
+    verdicts = collections.Counter("none" if r is None else r.verdict for r in results)
     return {
         "surfaces right": right / len(records),
         "inside": {name: float(np.mean(values)) for name, values in inside.items()},

@@ -4,7 +4,9 @@ import dataclasses
 
 import numpy as np
 
+from absjax.controllers import CONTROLLERS, PREDICTIVE
 from absjax.loop.closed_loop import ClosedLoop
+from absjax.loop.delayed_loop import DelayedLoop, nodes_of
 from absjax.loop.driver import Driver
 from absjax.parameters import bounds_of, trainable_names
 from absjax.plant.brake import Brake
@@ -14,9 +16,13 @@ from absjax.plant.wheel import Wheel
 from absjax.tyres.burckhardt import Burckhardt
 from absjax.tyres.surfaces import SURFACES
 
+KINDS = (*CONTROLLERS.values(), *PREDICTIVE.values())
+"""Controllers that are attacked."""
 END = 3.0
 ROOM = 1e-3
 """Left to bounds and orders, so that there is something on both sides of every value."""
+DELAYS = (5e-3, 15e-3)
+"""s, of the brake of a controller that predicts"""
 
 
 def random_controller(kind, rng, lanes: int, spread: float = 0.5, room: float = ROOM):
@@ -31,8 +37,8 @@ def random_controller(kind, rng, lanes: int, spread: float = 0.5, room: float = 
     return kind(**values)
 
 
-def random_loop(kind, rng, lanes: int) -> ClosedLoop:
-    """A lane each of controller, road, brake and foot."""
+def random_loop(kind, rng, lanes: int, step: float = 2e-3) -> ClosedLoop:
+    """A lane each of controller, road, brake and foot; of a delay too where it predicts, for steps from `step` on."""
     surfaces = [SURFACES[name] for name in SURFACES]
     which = rng.integers(len(surfaces), size=lanes)
     c = (np.array([float(getattr(surfaces[i], c)) for i in which]) for c in ("c1", "c2", "c3"))
@@ -43,7 +49,12 @@ def random_loop(kind, rng, lanes: int) -> ClosedLoop:
     controller = random_controller(kind, rng, lanes)
     if "wheel" in {f.name for f in dataclasses.fields(kind)}:
         controller = dataclasses.replace(controller, wheel=wheel)
-    return ClosedLoop(QuarterCar(wheel, UniformRoad(tyre)), brake, controller, END, driver=driver)
+    plant = QuarterCar(wheel, UniformRoad(tyre))
+    if kind not in PREDICTIVE.values():
+        return ClosedLoop(plant, brake, controller, END, driver=driver)
+    delay, nodes = rng.uniform(*DELAYS, lanes), nodes_of(DELAYS[1], step)
+    controller = dataclasses.replace(controller, delay=delay)
+    return DelayedLoop(plant, brake, controller, END, driver=driver, delay=delay, nodes=nodes)
 
 
 def random_speeds(rng, lanes: int) -> np.ndarray:

@@ -14,7 +14,7 @@ from tuning.road.curve import Curve
 from tuning.road.noise import white_noise
 
 BLOCK = 50
-"""Samples that form a cluster for the covariance."""
+"""Samples that form a cluster for the covariance; all of them where there are fewer."""
 SWEEPS = 4
 
 
@@ -40,7 +40,8 @@ def fit_curve(curve: Curve, ratio, friction, slip_noise, start, *, radius: Prior
     Returns:
         A `Fit` of the coefficients, then R and z.
     """
-    usable, size = len(ratio) // BLOCK * BLOCK, len(curve.names)
+    block, size = min(BLOCK, len(ratio)), len(curve.names)
+    usable = len(ratio) // block * block
     order = slice(len(ratio) - usable, None)
     ratio, friction, slip_noise = ratio[order], friction[order], slip_noise[order]
     noise = white_noise(friction)
@@ -63,10 +64,10 @@ def fit_curve(curve: Curve, ratio, friction, slip_noise, start, *, radius: Prior
             given = jnp.asarray(point[:size]), jnp.asarray(point[size] * ratio - 1)
             value, slope, stiffness = map(np.asarray, _model(curve, *given))
             slope = np.column_stack([slope, stiffness * ratio, -np.ones(usable)])[:, free]
-            residual = ((value - point[size + 1] - friction) * weight).reshape(-1, BLOCK)
+            residual = ((value - point[size + 1] - friction) * weight).reshape(-1, block)
             return residual, (slope * weight[:, None]).reshape(*residual.shape, -1), np.zeros((*residual.shape, 0))
 
-        fit = arrow_fit(evaluate, shared[free], np.zeros((usable // BLOCK, 0)), lower=lower[free], prior=known)
+        fit = arrow_fit(evaluate, shared[free], np.zeros((usable // block, 0)), lower=lower[free], prior=known)
         shared = shared.copy()
         shared[free] = fit.shared
     assert fit is not None

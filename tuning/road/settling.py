@@ -230,7 +230,9 @@ def _merged(curve: Curve, stretches, fit: Fit, problem: Shooting, start: Start, 
         for i in range(len(stretches) - 1):
             intervals = [int(np.any(problem.weight[problem.surface == k] > 0, axis=(1, 2)).sum()) for k in (i, i + 1)]
             apart = _apart(curve, coefficients[i], coefficients[i + 1], [_visited(problem, k) for k in (i, i + 1)])
-            spreads = [np.sqrt(np.diag(fit.plain)[k * size : (k + 1) * size]) for k in (i, i + 1)]
+            # What rounding makes of the variance of a direction that nothing determines may be below zero.
+            variance = np.where(np.diag(fit.plain) < 0, np.inf, np.diag(fit.plain))
+            spreads = [np.sqrt(variance[k * size : (k + 1) * size]) for k in (i, i + 1)]
             strange = min(peak_slip_of(curve, coefficients[k]) for k in (i, i + 1)) < SMALLEST_PEAK_SLIP
             strange |= any(anyones_guess(coefficients[i + k], Z95 * spreads[k]) for k in (0, 1))
             short = min(intervals) < FEWEST_INTERVALS
