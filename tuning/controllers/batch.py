@@ -18,7 +18,7 @@ from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.parameters import model, parameter, part
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
-from tuning.controllers.chain import of_chain, of_controller, told_through
+from tuning.controllers.chain import of_chain, told_through
 from tuning.controllers.loops import Loop, Sensors, carried, in_control_unit, loop_of_lanes, shortest
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
@@ -98,7 +98,7 @@ class Batch:
         self, own: Mapping[str, Any], step: float | None = None, ticks: int = 0, kind: type[SampledLoop] = SampledLoop
     ) -> Stop:
         """The same of parameters (rows * sets,), each lane's own; `kind` of the loop with ticks."""
-        loop = loop_of_lanes(self.loop, of_controller(own), self.rows)
+        loop = loop_of_lanes(self.loop, own, self.rows)
         sets = len(next(iter(own.values()))) // self.rows
         sensor, accelerometer = (repeated(part, sets) for part in (self.sensor, self.accelerometer))
         sensor = told_through(sensor, of_chain(own))
@@ -108,7 +108,7 @@ class Batch:
 
     def growths(self, parameters: Mapping[str, Any]):
         """`absjax.loop.growth.growth` of every set on every row, switchings located, (rows, sets)."""
-        own = on_every_row(of_controller(parameters), self.rows)
+        own = on_every_row(parameters, self.rows)
         return growth(loop_of_lanes(self.loop, own, self.rows), **self._how(own)).reshape(self.rows, -1)
 
     def _how(self, own: Mapping[str, Any], step: float | None = None) -> dict[str, Any]:

@@ -151,7 +151,7 @@ def _sensors(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Se
 def _sensor(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensor:
     config = setup.config
     if config.setting != "chain":
-        return NoisySensor(noise, float(setup.wheel.radius), seeds)
+        return NoisySensor(noise if scatter.noise else None, float(setup.wheel.radius), seeds)
     chain = setup.chain()
     if stand_in:
         edges = DelayedSensor(float(TEETH), float(EVENTS), left=scatter.tolerance / np.sqrt(3), phase=phase_of(seeds))

@@ -81,6 +81,7 @@ class Setup:
             initial |= {PREFIX + name: value for name, value in components.initial(Chain, of_kind).items()}
         setup = cls(config, config.kind, wheel, brake, driver, observer, sensor, initial, step)
         setup.loop_of()
+        setup.chain()
         return setup
 
     def controller(self, values: Mapping[str, Any] | None = None, axle: int = 0) -> Controller:
