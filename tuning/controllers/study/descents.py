@@ -19,8 +19,8 @@ from tuning.controllers.scatter import scattered
 from tuning.core.descent import Descent
 from tuning.core.problem import Problem
 
-ITERATIONS, RATE = 20, 0.02
-SPEEDS_KMH, DRAWS = (60.0, 120.0), 4
+ITERATIONS, RATE = 16, 0.02
+SPEEDS_KMH, DRAWS = (60.0, 120.0), 2
 FROM = ("untuned", "truth")
 
 
