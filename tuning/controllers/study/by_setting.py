@@ -24,6 +24,8 @@ from tuning.core.components import initial
 CHAIN = "settled"
 ONLY_ENCODERS: dict[str, float] = {name: 0.0 for name in Scatter._fields if name != "tolerance"}
 """What is scattered of the rows as they are."""
+LEVELS = (2, 3, 5, 10, 20, 50)
+"""Above ideal, on the axis of the figure, %."""
 
 
 class Where(NamedTuple):
@@ -177,7 +179,7 @@ def above(ratio: float | None) -> str:
 
 
 def figure(found: list[Judged]):
-    """Mean above ideal of every set, a panel for each setting; hollow where a stop fails."""
+    """Mean above ideal of every set, a panel for each setting; hollow where stops fail, lock or stick."""
     names = list(dict.fromkeys(one.controller for one in found))
     drawn, axes = plt.subplots(1, len(SETTINGS), figsize=(11, 3.4), sharey=True, layout="constrained")
     for panel, where in zip(axes, SETTINGS):
@@ -193,9 +195,11 @@ def figure(found: list[Judged]):
         panel.set_title(f"judged: {where.label}")
         panel.set_xticks(range(len(names)), [NAMES[name] for name in names])
         panel.set_yscale("log")
+        panel.set_yticks(LEVELS, [f"{level:g}" for level in LEVELS])
+        panel.minorticks_off()
         panel.grid(axis="y", alpha=0.3)
     axes[0].set_ylabel("mean above ideal [%]")
     handles = [Line2D([], [], marker="o", ls="", color=f"C{i}") for i in range(5)]
     labels = list(dict.fromkeys(one.tuned_for for one in found))
-    axes[-1].legend(handles[: len(labels)], labels, title="tuned for", fontsize=8)
+    drawn.legend(handles[: len(labels)], labels, title="tuned for", loc="outside right upper")
     return drawn

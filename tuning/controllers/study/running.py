@@ -33,7 +33,7 @@ def run_settings(out: Path, controllers: tuple[str, ...], draws: int, stops: int
     rows = []
     for controller in controllers:
         sets = by_setting.contestants(controller)
-        chosen = {label: sets[label] for label in ("untuned", "truth", "chain")}
+        chosen = {label: sets[label] for label in ("untuned", "truth", "chain") if label in sets}
         rows += by_setting.scattered_rows(controller, by_setting.scattered_stops(controller, chosen, stops))
     title = f"scattered stops through the chain, {stops} in test"
     yield Report({title: rows}, [], [write_csv(rows, out / "tables" / "scattered_stops.csv")])
