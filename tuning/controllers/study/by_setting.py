@@ -140,18 +140,16 @@ def cell(figures: SplitFigures) -> str:
 def scattered_stops(
     controller: str, sets: Mapping[str, Mapping[str, float]], stops: int, splits: tuple[Split, ...] = SPLITS
 ) -> Iterator[SplitFigures]:
-    """Sets of one controller through the chain with everything scattered, on the fifteen rows down to 15 km/h.
+    """Sets of one controller through the chain, in the conditions its set for the chain was tuned in.
 
     Args:
-        stops: in the test draws, about; training and validation are as large as a tuning's.
+        stops: in the test draws, about; training and validation are those of the tuning.
     """
-    config = dataclasses.replace(
-        tuned_sets()[controller], roads=ROADS, speeds_kmh=SPEEDS_KMH, stop_speed_kmh=15.0, start={}
-    )
-    rows = len(ROADS) * len(SPEEDS_KMH)
+    config = next(c for c in running_sets() if c.controller == controller and c.setting == "chain")
+    rows = len(config.roads) * len(config.speeds_kmh)
     for split in splits:
-        draws = {"draws": 4, "checked": max(1, stops // rows) if split == "test" else 4}
-        setup = SETTINGS[-1].of(config, **draws)
+        checked = max(1, stops // rows) if split == "test" else config.checked
+        setup = Setup.of(dataclasses.replace(config, start={}, checked=checked))
         yield from figures_of(scattered(setup, split), split, completed(setup, sets), setup.sampled_grid())
 
 
