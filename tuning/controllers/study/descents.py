@@ -20,7 +20,7 @@ from tuning.core.descent import Descent
 from tuning.core.problem import Problem
 
 ITERATIONS, RATE = 16, 0.02
-SPEEDS_KMH, DRAWS = (60.0, 120.0), 2
+SPEEDS_KMH, DRAWS = (60.0, 120.0), 8
 FROM = ("untuned", "truth")
 
 
