@@ -19,6 +19,7 @@ def test_there_are_notebooks():
         "side_slip",
         "input_delay",
         "whole_vehicles",
+        "tuned_where_it_runs",
     }
 
 

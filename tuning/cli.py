@@ -33,6 +33,7 @@ COMMANDS = {
     "abs-sets": controllers.abs_sets,
     "abs-study": controllers.abs_study,
     "gradient-study": controllers.gradient_study,
+    "setting-study": controllers.setting_study,
     "tune-observer": observers.tune_observer,
     "observer-study": observers.observer_study,
     "encoder": encoder.encoder,

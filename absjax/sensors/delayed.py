@@ -43,7 +43,8 @@ class DelayedSensor:
     teeth: Any = parameter("N", default=60.0, low=3.0)
     events: Any = parameter("n, edges of the window", default=12.0, low=4.0)
     memory: Any = parameter("age beyond which an edge is not used, s", default=10.0, low=0.0, open_low=True)
-    left: Any = parameter("sigma, what is left of the edges' errors, encoder cycles", default=0.0, low=0.0)
+    left: Any = parameter("sigma, of the edges' errors, encoder cycles", default=0.0, low=0.0)
+    taken_off: Any = parameter("share of their variance that compensation takes off", default=0.0, low=0.0, high=1.0)
     harmonic: Any = parameter("k, of the error", default=18.0, low=1.0)
     phase: Any = parameter("of the error, rad", default=0.0)
 
@@ -65,7 +66,8 @@ class DelayedSensor:
     def error(self, wheel_speed):
         """Effective value of the error of w' [rad/s^2]."""
         spanned, tooth = self.window(wheel_speed)
-        return self.left * 2 * np.pi / self.teeth * np.sqrt(720.0) / (tooth**2 * (spanned + 1) ** 2.5)
+        left = self.left * jnp.sqrt(1 - self.taken_off)
+        return left * 2 * np.pi / self.teeth * np.sqrt(720.0) / (tooth**2 * (spanned + 1) ** 2.5)
 
     def begin(self, signals: Signals) -> tuple[Signals, Delayed]:
         """The signals as measured, the wheel having turned as it does now."""

@@ -14,8 +14,9 @@ from jax import lax
 
 from absjax.encoder.edges import Place, capacity_for, passing_edges
 from absjax.encoder.encoder import Encoder
+from absjax.encoder.known_errors import settled
 from absjax.encoder.rotation import Rotation
-from absjax.encoder.wheel_speed import WheelSpeed, WheelSpeedChain
+from absjax.encoder.wheel_speed import WheelSpeedChain
 from absjax.lanes import lane_axes, lane_count, mapped
 from absjax.parameters import concrete, model, parameter, part
 from absjax.signals import Signals
@@ -39,6 +40,15 @@ class Turning:
 
 
 @model
+class Begun:
+    """A sensor after free rolling."""
+
+    speed: Any = parameter("told, rad/s")
+    acceleration: Any = parameter("told, rad/s^2")
+    state: Turning = part("its state")
+
+
+@model
 class EncoderSensor:
     """An encoder on the wheel, and the chain in the control unit.
 
@@ -48,6 +58,7 @@ class EncoderSensor:
 
     encoder: Encoder = part("the encoder")
     chain: WheelSpeedChain = part("what makes speed and acceleration of its edges")
+    begun: Begun | None = part("after that rolling, as `rolled` finds it; None: it is rolled anew", default=None)
     rolling: int = 2000
     """samples of free rolling before the manoeuvre"""
     period: float = 1e-3
@@ -72,7 +83,17 @@ class EncoderSensor:
         Raises:
             ValueError: if more teeth pass in a period than the capacity allows for.
         """
-        speed = signals.wheel_speed
+        begun = self.begun or self.rolled(signals.wheel_speed).begun
+        assert begun is not None
+        return self._told(signals, begun.speed, begun.acceleration), begun.state
+
+    def rolled(self, speed) -> "EncoderSensor":
+        """The sensor with the rolling at a wheel speed [rad/s] behind it, for many stops from there; lanes as in
+        `begin`.
+
+        Raises:
+            ValueError: if more teeth pass in a period than the capacity allows for.
+        """
         if concrete(speed):
             teeth = float(jnp.max(speed)) * self.period / self.encoder.pitch
             if capacity_for(teeth) > self.capacity:
@@ -83,10 +104,21 @@ class EncoderSensor:
         start = EncoderSensor._rolled
         if lane_count(self, "sensor") is not None or jnp.ndim(speed):
             start = jax.vmap(start, in_axes=(mapped(lane_axes(self)), 0 if jnp.ndim(speed) else None))
-        wheel, state = start(self, jnp.asarray(speed))
-        return self._told(signals, wheel), state
+        return dataclasses.replace(self, begun=start(self, jnp.asarray(speed)))
 
-    def _rolled(self, speed) -> tuple[WheelSpeed, Turning]:
+    def settled(self) -> "EncoderSensor":
+        """A sensor with its rolling behind it that takes off what it has learned there, and learns no more.
+
+        Raises:
+            ValueError: if it has not rolled, or does not learn through the edges.
+        """
+        if self.begun is None:
+            raise ValueError("EncoderSensor.begun is None; what is learned while rolling is known after `rolled`")
+        chain, state = settled(self.chain, self.begun.state.chain)
+        begun = dataclasses.replace(self.begun, state=dataclasses.replace(self.begun.state, chain=state))
+        return dataclasses.replace(self, chain=chain, begun=begun)
+
+    def _rolled(self, speed) -> Begun:
         encoder, chain_ = jax.tree.map(lambda x: jnp.asarray(x, speed.dtype), (self.encoder, self.chain))
         zero = 0.0 * speed
         place = Place.of(encoder, Rotation(zero, speed, zero))
@@ -100,7 +132,7 @@ class EncoderSensor:
 
         chain = jax.tree.map(lambda x: x + zero, chain_.initial_state(speed.dtype, speed.dtype))
         (place, chain), told = lax.scan(roll, (place, chain), None, length=self.rolling)
-        return jax.tree.map(lambda x: x[-1], told), _turning(place, zero, chain)
+        return Begun(told.speed[-1], told.acceleration[-1], _turning(place, zero, chain))
 
     def flow(self, state: Turning, signals: Signals) -> Turning:
         """The wheel turns."""
@@ -116,12 +148,12 @@ class EncoderSensor:
         place = Place(before, state.tooth.astype(jnp.int32), state.passing.astype(jnp.int32))
         edges, place = passing_edges(self.encoder, place, after, period, self.capacity)
         chain, wheel = self.chain.absorb(state.chain, edges, period)
-        return self._told(signals, wheel), _turning(place, signals.time, chain)
+        return self._told(signals, wheel.speed, wheel.acceleration), _turning(place, signals.time, chain)
 
-    def _told(self, signals: Signals, wheel: WheelSpeed) -> Signals:
+    def _told(self, signals: Signals, speed, acceleration) -> Signals:
         return signals._replace(
-            wheel_speed=jnp.maximum(wheel.speed, STANDING),
-            acceleration_offset=signals.radius * wheel.acceleration - signals.vehicle_acceleration,
+            wheel_speed=jnp.maximum(speed, STANDING),
+            acceleration_offset=signals.radius * acceleration - signals.vehicle_acceleration,
         )
 
 

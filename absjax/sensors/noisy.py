@@ -20,7 +20,7 @@ from absjax.signals import Signals
 class NoisySensor:
     """The true signals but for white noise and a wrong radius. It has no state."""
 
-    noise: Any = parameter("sigma, standard deviation of a sample of x2, m/s^2", default=0.0, low=0.0)
+    noise: Any = parameter("sigma, standard deviation of a sample of x2, m/s^2; None: no noise", default=0.0, low=0.0)
     radius: Any = parameter("R^, m; None: the true one", default=None, low=0.0, open_low=True)
     seed: Any = parameter("of the noise, an integer", default=0, low=0.0)
 
@@ -41,6 +41,7 @@ class NoisySensor:
         """The signals as measured."""
         x2, brakes = signals.acceleration_offset, signals.vehicle_acceleration
         known = signals.radius if self.radius is None else self.radius
-        noise = white_noise(self.seed, signals.time, jnp.asarray(x2).dtype)
-        offset = known / signals.radius * (x2 + brakes) - brakes + self.noise * noise
+        offset = known / signals.radius * (x2 + brakes) - brakes
+        if self.noise is not None:
+            offset = offset + self.noise * white_noise(self.seed, signals.time, jnp.asarray(x2).dtype)
         return signals._replace(acceleration_offset=offset, radius=known), state

@@ -278,3 +278,18 @@ def test_chunks_have_one_shape_and_join_again():
     np.testing.assert_array_equal(joined, 2 * points)
     np.testing.assert_array_equal(in_chunks(lambda chunk: double(chunk)["columns"], points, 3, axis=-1), points.T)
     assert set(shapes) == {(3, 2)}
+
+
+def test_generations_before_the_descent_begin_it_where_it_is_low(tmp_path):
+    """From one start, far off: evolution of what random starts are chosen by is what is descended from."""
+    few = {"starts": 1, "screened": 4, "iterations": 1, "refinements": 0}
+    begun = {n: fit(Bowls(), SearchConfig(generations=n, **few)).history[0][0] for n in (0, 12)}
+    assert begun[12] < 0.15 < 3 < begun[0]
+    path, search = tmp_path / "journal", SearchConfig(generations=3, **few)
+    first, again = fit(Bowls(), search, journal=Journal(path)), Bowls()
+    resumed = fit(again, search, journal=Journal(path, resume=True))
+    assert again.asked == 0
+    np.testing.assert_array_equal(resumed.point, first.point)
+    several = SearchConfig(generations=12, **{**few, "starts": 3})
+    costs = fit(Bowls(), several).history[0]
+    assert costs[0] < 0.15 and costs[1] == begun[0]

@@ -18,6 +18,7 @@ from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.parameters import model, parameter, part
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
+from tuning.controllers.chain import of_chain, told_through
 from tuning.controllers.loops import Loop, Sensors, carried, in_control_unit, loop_of_lanes, shortest
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
@@ -100,6 +101,7 @@ class Batch:
         loop = loop_of_lanes(self.loop, own, self.rows)
         sets = len(next(iter(own.values()))) // self.rows
         sensor, accelerometer = (repeated(part, sets) for part in (self.sensor, self.accelerometer))
+        sensor = told_through(sensor, of_chain(own))
         how = ticks, self.substeps, ticks * (step or self.step), sensor, self.estimator, accelerometer, self.delay
         system = in_control_unit(loop, *how, kind=kind) if ticks else loop
         return stop(system, **self._how(own, step))
@@ -182,11 +184,13 @@ def growths_of(batch: Batch, parameters: Mapping[str, float]) -> np.ndarray:
     return np.asarray(_growths(batch, {name: np.array([float(value)]) for name, value in parameters.items()}))[:, 0]
 
 
-def scored(batch: Batch, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Scored:
+def scored(
+    batch: Batch, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0, chunk: int = CHUNK
+) -> Scored:
     """Parameter sets, arrays (sets,), in chunks: located, or with guards tested every `ticks` steps."""
     names = tuple(parameters)
     sets = np.stack([np.asarray(parameters[name], float) for name in names], axis=1)
-    size = CHUNK if len(sets) > FEW else len(sets)
+    size = chunk if len(sets) > FEW else len(sets)
     return Scored(
         *in_chunks(
             lambda chunk: _scored(batch, dict(zip(names, chunk.T)), step or batch.step, ticks), sets, size, axis=-1

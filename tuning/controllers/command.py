@@ -1,4 +1,4 @@
-"""`tune-abs`, `abs-sets`, `abs-study`, `gradient-study`, `demo`: controllers tuned, made anew, and studied."""
+"""`tune-abs`, `abs-sets`, `demo`, and the studies: controllers tuned, made anew, and studied."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tuning.controllers.about import ABS_SETS, ABS_STUDY, DEMO, GRADIENT_STUDY, TUNE_ABS
+from tuning.controllers.about import ABS_SETS, ABS_STUDY, DEMO, GRADIENT_STUDY, SETTING_STUDY, TUNE_ABS
 from tuning.core.command import Force, Out, Resume, carry_out, journal_path, tune, tuned
 from tuning.core.terminal import bar, console
 
@@ -120,11 +120,33 @@ def gradient_study(
     """The slope of the mean stop under a control unit's clock, three ways; the stand-in of an encoder's chain."""
 
     def work():
-        from tuning.controllers.study.tasks import run_gradients
+        from tuning.controllers.study.running import run_gradients
 
         return (), lambda: run_gradients(out, pairs, None if roads is None else tuple(roads.split(",")))
 
     carry_out(out, work, about=GRADIENT_STUDY, force=force)
+
+
+def setting_study(
+    out: Out,
+    only: Annotated[str | None, typer.Option(help="Controllers, comma-separated; all if missing.")] = None,
+    draws: Annotated[int, typer.Option(min=1, help="Of clock and encoder, for each road and speed.")] = 8,
+    stops: Annotated[int, typer.Option(min=15, help="Scattered stops of each set, test draws.")] = 2000,
+    force: Force = False,
+) -> None:
+    """Sets tuned on the truth, for 1 ms, for 5 ms and for the chain, each in all four settings; scattered stops."""
+
+    def work():
+        from tuning.controllers.study.by_setting import controllers
+        from tuning.controllers.study.running import run_settings
+        from tuning.core.config import choice
+
+        wanted = controllers() if only is None else tuple(only.split(","))
+        for name in wanted:
+            choice("--only", name, controllers())
+        return (), lambda: run_settings(out, wanted, draws, stops)
+
+    carry_out(out, work, about=SETTING_STUDY, force=force)
 
 
 def demo(out: Out = Path("demo"), force: Force = False) -> None:

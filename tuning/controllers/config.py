@@ -16,6 +16,7 @@ from absjax.plant.base import Plant
 from absjax.sensors import SENSORS
 from absjax.sensors.base import Sensor
 from tuning.cars.entry import VehicleEntry
+from tuning.controllers.chain import of_chain, of_controller, own_names
 from tuning.controllers.legacy import updated
 from tuning.controllers.published import ROADS, SPEEDS_KMH
 from tuning.core.components import component
@@ -113,7 +114,9 @@ class TuningConfig(SearchConfig):
         setting: what is tuned for. 'located': switchings located, told the truth, roads as they are. 'sampled':
             a control unit that ticks every `sampled_period` in scattered conditions (`tuning.controllers.scatter`),
             told the truth but for noise and radius, or what `sensor` tells; 'chain': the same, told by an encoder.
-        chain: 'edges': a window of 12 ms, the encoder's errors taken off through the edges; 'window': the last 12.
+        chain: 'edges': a window of 12 ms, the lowest 12 harmonics of the encoder's errors taken off through the edges;
+            'settled': all that were learned before the pedal, and learned no more; 'window': the last 12 edges. Its
+            parameters, `tuning.controllers.chain`, may be tuned with the controller's: chain.memory and so on.
         draws: of every row, in training; checked: in validation and test each, for a setting other than 'located'.
         conditions: how much they scatter, by name of `tuning.controllers.config.Scatter`.
         smoothing: standard deviation of the scatter of points a slope is fitted over, on the scales of the box.
@@ -151,7 +154,7 @@ class TuningConfig(SearchConfig):
     max_events: Count = 800
     sampled_period: Positive = 1e-3
     setting: Literal["located", "sampled", "chain"] = "located"
-    chain: Literal["edges", "window"] = "edges"
+    chain: Literal["edges", "window", "settled"] = "edges"
     draws: Count = 8
     checked: Count = 8
     conditions: Values = dataclasses.field(default_factory=dict)
@@ -162,7 +165,11 @@ class TuningConfig(SearchConfig):
         kind = self.kind
         for entry, names in (("start", self.start), *(("known", k) for k in self.known)):
             for name in names:
-                choice(entry, name, tuple(prefix + field for prefix in self.prefixes for field in bounds_of(kind)))
+                own = tuple(prefix + field for prefix in self.prefixes for field in bounds_of(kind))
+                choice(entry, name, own + (own_names() if self.tells else ()))
+        for entry, names in (("tune", self.tune), ("limits", self.limits)):
+            for name in of_chain(dict.fromkeys(names)):
+                require(entry, f"chain.{name}", self.tells, "given only where a chain tells that is tuned")
         for entry, part, values in (
             ("observer", self.design, self.observer_parameters),
             ("sensor", self.sensor_kind, self.sensor_parameters),
@@ -203,6 +210,7 @@ class TuningConfig(SearchConfig):
             require(
                 "reference", self.reference, self.reference == "ideal", "'ideal' for a setting other than 'located'"
             )
+            require("chain", self.chain, self.vehicle is None or self.chain != "settled", "another for a vehicle")
             require("pedal_strength", self.pedal_strength, self.pedal_strength is None, "null for such a setting")
 
     @classmethod
@@ -218,6 +226,16 @@ class TuningConfig(SearchConfig):
     def prefixes(self) -> tuple[str, ...]:
         """What the names of parameters begin with, one for each set of them."""
         return ("",) if self.vehicle is None else self.vehicle.prefixes
+
+    @property
+    def tells(self) -> bool:
+        """Whether the controller is told by a chain that may be tuned with it."""
+        return self.setting == "chain" and self.chain != "window" and self.vehicle is None
+
+    @property
+    def own_tune(self) -> tuple[str, ...]:
+        """Names of the controller's own parameters to tune; none: those declared trainable."""
+        return tuple(of_controller(dict.fromkeys(self.tune)))
 
     @property
     def kind(self) -> type[Controller]:

@@ -17,6 +17,7 @@ from absjax.sensors.base import Sensor
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
 from tuning.cars.entry import of_axle
+from tuning.controllers.chain import of_controller
 
 Sensors = Sensor | tuple[Sensor, ...] | None
 Loop = TypeVar("Loop", bound=ClosedLoop | VehicleLoop)
@@ -51,7 +52,7 @@ def with_parameters(loop: Loop, own: Mapping[str, Any]) -> Loop:
 def loop_of_lanes(loop: Loop, own: Mapping[str, Any], rows: int) -> Loop:
     """A loop whose plant and driver carry the rows, with the controller's parameters of each lane, (lanes,)."""
     sets = len(next(iter(own.values()))) // rows
-    return with_parameters(carried(loop, partial(repeated, times=sets)), own)
+    return with_parameters(carried(loop, partial(repeated, times=sets)), of_controller(own))
 
 
 def in_control_unit(

@@ -1,7 +1,7 @@
 """How the shipped controller sets are made: configurations that begin with untuned values, one for each.
 
 `data/recipes.json` has them; `data/controllers.json` has the parameters found, by the name of the recipe: of a
-controller on one wheel, on a car, or under the limits of the published table.
+controller on one wheel, on a car, under the limits of the published table, or where it runs.
 `python -m tuning abs-sets` makes them anew.
 """
 
@@ -33,7 +33,13 @@ def tuned_sets() -> dict[str, TuningConfig]:
 @cache
 def published_sets() -> tuple[TuningConfig, ...]:
     """Sets tuned for the published quantity, one for each controller and limits."""
-    return tuple(c for name, c in _sets().items() if name != c.controller and c.vehicle is None)
+    return tuple(c for c in _sets().values() if c.reference == "published")
+
+
+@cache
+def running_sets() -> tuple[TuningConfig, ...]:
+    """Sets tuned for where they run: sampled on the truth, or told by a chain."""
+    return tuple(c for c in _sets().values() if c.setting != "located" and c.vehicle is None)
 
 
 @cache

@@ -81,7 +81,7 @@ class RunningProblem(Problem):
         return np.where(excess > 0, INFEASIBLE + costs + excess, costs)
 
     def _costs(self, batch: Batch, points) -> np.ndarray:
-        found = scored(batch, self.box.arrays(points), *self.grid)
+        found = scored(batch, self.box.arrays(points), *self.grid, self.population)
         costs = np.asarray(self.objective.costs(found.ratios))
         broken = np.sum(found.losses - found.ratios, axis=0)
         return np.where(broken > 0, INFEASIBLE + broken, costs)

@@ -27,13 +27,14 @@ from absjax.sensors.encoder import EncoderSensor
 from absjax.sensors.noisy import NoisySensor
 from absjax.speed.accelerometer import Accelerometer
 from tuning.controllers.batch import SAFETY_HORIZON, Batch
+from tuning.controllers.chain import EVENTS, TEETH
 from tuning.controllers.config import Scatter, TuningConfig
 from tuning.controllers.loops import Sensors, shortest
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.core.config import ConfigError
 from tuning.core.roads import stacked
-from tuning.encoder.chains import edge_chain, measured_chain
+from tuning.encoder.chains import measured_chain
 
 Split = Literal["training", "validation", "test"]
 LARGEST_SEED = 2**31
@@ -42,11 +43,6 @@ APART = 7919
 SPLITS: tuple[Split, ...] = ("training", "validation", "test")
 ROLLING = 2000
 """Samples of free rolling before the pedal: by then the harmonics of the encoder are learned."""
-TEETH, EVENTS, HARMONICS, MEMORY = 60, 12, 12, 0.012
-"""Of the chain; the memory in s."""
-LEFT = {"edges": 0.45, "window": 0.58}
-"""Standard deviation of an edge's error behind a chain, over the tolerance: uniform within it, 1 / sqrt(3), of which
-compensation through the edges takes off the lowest 12 of 30 harmonics."""
 
 
 def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
@@ -86,12 +82,17 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     horizon = SAFETY_HORIZON * slowest + 1.0
     seeds = rng.integers(LARGEST_SEED, size=count)
     noise = rng.uniform(0.0, scatter.noise, count)
+    sensor = _sensors(setup, seeds, noise, scatter, stand_in)
+    if isinstance(sensor, EncoderSensor) and isinstance(loop, ClosedLoop):
+        plant: Any = loop.plant
+        sensor = sensor.rolled(speed / plant.wheel.radius)
+        sensor = sensor.settled() if config.chain == "settled" else sensor
     return Batch(
         loop=loop,
         speed=speed,
         ideal=np.asarray(shortest(loop, speed, horizon)),
         published=np.zeros(count),
-        sensor=_sensors(setup, seeds, noise, scatter, stand_in),
+        sensor=sensor,
         estimator=None if config.vehicle is None else config.vehicle.estimator(),
         accelerometer=_accelerometer(config, seeds, rng),
         longest_cycle=config.longest_cycle,
@@ -150,14 +151,18 @@ def _sensors(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Se
 def _sensor(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensor:
     config = setup.config
     if config.setting != "chain":
-        return NoisySensor(noise, float(setup.wheel.radius), seeds)
-    memory = MEMORY if config.chain == "edges" else None
+        return NoisySensor(noise if scatter.noise else None, float(setup.wheel.radius), seeds)
+    chain = setup.chain()
     if stand_in:
-        left = LEFT[config.chain] * scatter.tolerance
-        kept = {} if memory is None else {"memory": memory}
-        return DelayedSensor(float(TEETH), float(EVENTS), left=left, phase=2 * np.pi * seeds / LARGEST_SEED, **kept)
+        edges = DelayedSensor(float(TEETH), float(EVENTS), left=scatter.tolerance / np.sqrt(3), phase=phase_of(seeds))
+        return edges if chain is None else chain.stand_in(edges)
     encoder = Encoder.random([int(seed) for seed in seeds], TEETH, scatter.tolerance)
     fastest = 1.2 * max(row.speed for row in rows_of(config)) / float(setup.wheel.radius)
     capacity = capacity_for(fastest * config.sampled_period / encoder.pitch)
-    chain = measured_chain(TEETH, EVENTS) if memory is None else edge_chain(TEETH, EVENTS, HARMONICS, memory)
-    return EncoderSensor(encoder, chain, rolling=ROLLING, period=config.sampled_period, capacity=capacity)
+    told = measured_chain(TEETH, EVENTS) if chain is None else chain.chain(config.chain)
+    return EncoderSensor(encoder, told, rolling=ROLLING, period=config.sampled_period, capacity=capacity)
+
+
+def phase_of(seeds):
+    """Of the ripple that is left of an encoder's errors [rad]."""
+    return 2 * np.pi * seeds / LARGEST_SEED

@@ -21,6 +21,7 @@ from absjax.plant.wheel import Wheel
 from absjax.sensors.base import Sensor
 from absjax.tyres.surfaces import SURFACES
 from tuning.cars.entry import of_axle
+from tuning.controllers.chain import LEARNING, PREFIX, Chain, of_chain, of_controller
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import in_control_unit
 from tuning.core import components
@@ -69,21 +70,33 @@ class Setup:
         if sensor is not None:
             sensor = components.built("sensor_parameters", sensor, config.sensor_parameters)
         known = {"delay": config.delay} if config.predicts and config.delay else {}
+        given = of_controller(config.start)
         initial = {
             prefix + name: value
             for prefix in config.prefixes
-            for name, value in components.initial(config.kind, {**known, **_without(prefix, config.start)}).items()
+            for name, value in components.initial(config.kind, {**known, **_without(prefix, given)}).items()
         }
+        if config.tells:
+            of_kind = {**LEARNING[config.chain], **of_chain(config.start)}
+            initial |= {PREFIX + name: value for name, value in components.initial(Chain, of_kind).items()}
         setup = cls(config, config.kind, wheel, brake, driver, observer, sensor, initial, step)
         setup.loop_of()
+        setup.chain()
         return setup
 
     def controller(self, values: Mapping[str, Any] | None = None, axle: int = 0) -> Controller:
         """The controller of given parameters, of the initial ones without; of a vehicle that of an axle."""
-        values, wheel = {**self.initial, **(values or {})}, self.wheel
+        values, wheel = of_controller({**self.initial, **(values or {})}), self.wheel
         if self.config.vehicle is not None:
             values, wheel = of_axle(values, axle), _axle_wheel(self.config, axle)
         return components.built("start", self.kind, values, wheel)
+
+    def chain(self, values: Mapping[str, Any] | None = None) -> Chain | None:
+        """The chain through the edges that a setting tells by, of given parameters; None without one."""
+        kind = self.config.chain
+        if self.config.setting != "chain" or kind not in LEARNING:
+            return None
+        return components.built("start", Chain, {**LEARNING[kind], **of_chain({**self.initial, **(values or {})})})
 
     def loop_of(
         self, values: Mapping[str, Any] | None = None, road: Any = SURFACES["dry_asphalt"], pedal_rate: Any = None
@@ -164,9 +177,9 @@ class Setup:
         for axle, prefix in enumerate(config.prefixes):
             box = box_of(
                 self.kind,
-                _without(prefix, self.initial),
-                tune=[name.removeprefix(prefix) for name in config.tune if name.startswith(prefix)],
-                limits=_without(prefix, config.limits),
+                _without(prefix, of_controller(self.initial)),
+                tune=[name.removeprefix(prefix) for name in config.own_tune if name.startswith(prefix)],
+                limits=_without(prefix, of_controller(config.limits)),
                 spans=spans,
                 floor=config.threshold_floor,
             )
@@ -177,6 +190,12 @@ class Setup:
                 except ValueError as error:
                     raise ConfigError(f"{entry}: {error}") from None
             boxes.append(box.called(prefix))
+        chained = [name.removeprefix(PREFIX) for name in config.tune if name.startswith(PREFIX)]
+        if chained:
+            most = LEARNING[config.chain]["harmonics"]
+            limits = {"harmonics": (1.0, most)} if "harmonics" in chained else {}
+            box = box_of(Chain, of_chain(self.initial), tune=chained, limits=limits | of_chain(config.limits))
+            boxes.append(box.called(PREFIX))
         return joined(boxes)
 
 

@@ -44,7 +44,7 @@ def figures_of(batch: Batch, split: Split, sets: Mapping[str, Mapping[str, float
     """Of sets by name, on the sampled loop of a batch; `grid`: its step [s] and steps to a tick."""
     names = tuple(next(iter(sets.values())))
     arrays = {name: np.array([float(values[name]) for values in sets.values()]) for name in names}
-    found = scored(batch, arrays, *grid)
+    found = scored(batch, arrays, *grid, chunk=len(sets))
     return [_of(found, split, which, i, float(batch.longest_lock)) for i, which in enumerate(sets)]
 
 

@@ -27,8 +27,6 @@ from tuning.controllers.study import figures, robustness
 from tuning.controllers.study import logics as logic_study
 from tuning.controllers.study import phase_plane as phase_study
 from tuning.controllers.study import published_table as published_study
-from tuning.controllers.study import slopes as slope_study
-from tuning.controllers.study import stand_in as stand_in_study
 from tuning.controllers.study.distances import FURTHER_ROADS, FURTHER_SPEEDS_KMH, NAMES, untuned_and_tuned
 from tuning.core.figures import save
 from tuning.core.files import write_csv, write_json
@@ -58,16 +56,6 @@ def run_study(out: Path, stops: int = STOPS) -> Iterator[Report]:
     yield published(out)
     yield cycles(out)
     yield from scattered(out, stops)
-
-
-def run_gradients(out: Path, pairs: int, roads: tuple[str, ...] | None = None) -> Iterator[Report]:
-    """The stand-in of an encoder's chain, and slopes of the mean stop under a control unit's clock."""
-    responses = stand_in_study.responses()
-    files = [save(stand_in_study.figure(responses), out / "stand_in.png")]
-    yield Report({"stand-in of time-stamping over 12 edges": responses}, [], files)
-    for period in slope_study.PERIODS:
-        title = f"slope of the mean stop, a tick every {1e3 * period:g} ms: {2 * pairs} lanes"
-        yield Report({title: slope_study.table(period, pairs, roads or ROADS)}, [], [])
 
 
 def curves(out: Path) -> Report:
