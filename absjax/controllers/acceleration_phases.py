@@ -5,8 +5,8 @@
 | 0 driver braking | x2 <= -(eps0 + eps0_growth R w) -> 1 |
 | 1 release | x2 >= eps1 -> 2; after longest_release -> 4 |
 | 2 hold | x2 >= eps2 -> 3; x2 falls back through fallback eps1 -> 4 |
-| 3 fast apply | x2 <= eps3 -> 4 |
-| 4 slow apply | x2 <= -eps4 -> 5 |
+| 3 fast apply | x2 <= eps3 -> 4; the wheel stands -> 1 |
+| 4 slow apply | x2 <= -eps4 -> 5; the wheel stands -> 1 |
 | 5 hold | x2 <= -eps5 -> 1; x2 rises back through -fallback eps4 -> 4 |
 
 Ours, and not met in the published stops (`ways_back` off: the automaton as published):
@@ -14,7 +14,8 @@ Ours, and not met in the published stops (`ways_back` off: the automaton as publ
 * the growth of eps0, 0 as published: on the stable branch a pedal of rate p' takes the wheel to x2 = -b p' v / (a mu'),
   deeper the faster the car, before the road's peak is anywhere near;
 * the end of a release without x2 >= eps1, which no wheel reaches on ice: the brake would stay released;
-* the way back from the hold of phase 5, where the road has become better: the pressure would stay where it is.
+* the way back from the hold of phase 5, where the road has become better: the pressure would stay where it is;
+* the release of a wheel that stands: it decelerates no more, and pressure would be applied to it for ever.
 
 A threshold that is not beyond the one before leaves its phase no time: the five phases are five only if
 eps2 >= eps1 + 2, eps2 >= eps3 + 2 and eps5 >= eps4 + 2 m/s^2, the least that noise lets apart.
@@ -31,6 +32,8 @@ from absjax.controllers.phases import onset_threshold, while_pressed
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
 
+STANDS = 0.1
+"""Speed of the rim, m/s, below which a wheel stands."""
 TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
 
 
@@ -74,14 +77,15 @@ class AccelerationPhases(Controller):
     fallback: Any = parameter("share of a threshold at which it is left again", default=0.9, low=0.0, high=0.999)
     longest_release: Any = parameter("longest release, s", default=0.5, low=0.0, open_low=True)
     ways_back: bool = True
-    """whether there is a way out of a release that lasts and of a hold the wheel recovers in; False as published"""
+    """whether there is a way out of a release that lasts, of a hold the wheel recovers in, and of pressure applied to a
+    wheel that stands; False as published"""
 
     def initial_state(self, signals: Signals) -> Any:
         """Entered here and now."""
         return Entered(signals.time)
 
     def guards(self, signals: Signals, state, phase):
-        """Slot 0: the threshold that leads on; slot 1: the other way out of a release and of the holds."""
+        """Slot 0: the threshold that leads on; slot 1: the other way out of a phase."""
         x2 = signals.acceleration_offset
         rising = (phase == 1) | (phase == 2)
         first = onset_threshold(self.eps0, self.eps0_growth, signals)
@@ -89,12 +93,14 @@ class AccelerationPhases(Controller):
         onward = jnp.where(rising, x2 - threshold, threshold - x2)
         overdue = signals.time - state.time - self.longest_release
         fallen, recovered = self.fallback * self.eps1 - x2, x2 + self.fallback * self.eps4
+        stands = STANDS - signals.radius * signals.wheel_speed
         if not self.ways_back:
-            overdue = recovered = -1.0
-        back = pick(phase, (-1.0, overdue, fallen, -1.0, -1.0, recovered))
+            overdue = recovered = stands = -1.0
+        back = pick(phase, (-1.0, overdue, fallen, stands, stands, recovered))
         return jnp.where(phase == 0, while_pressed(onward, signals), onward), back
 
     def switch(self, signals: Signals, state, phase, slot):
         """The phase that follows, entered now."""
         onward = jnp.where(phase == 5, 1, phase + 1)
-        return self.initial_state(signals), jnp.where(slot == 1, 4, onward)
+        other = jnp.where((phase == 3) | (phase == 4), 1, 4)
+        return self.initial_state(signals), jnp.where(slot == 1, other, onward)

@@ -19,8 +19,9 @@ from absjax.controllers.stiffness import StiffnessControl
 from absjax.controllers.tracking import AccelerationTracking
 from absjax.controllers.two_phase import TwoPhase
 from absjax.hybrid.rollout import rollout
+from absjax.loop._modes import FREE, Mode
 from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.driver import FreeRamp
+from absjax.loop.driver import HELD, FreeRamp
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, stop
 from absjax.observers.adaptive import AdaptiveObserver
@@ -94,7 +95,7 @@ def five_rate(mode, s, kept, p):
 
 
 def five_edges(mode, s, kept, p):
-    return five_phase.edges(mode, s.x2, p) + five_phase.ways_back(mode, s.x2, s.t - kept[0], p)
+    return five_phase.edges(mode, s.x2, p) + five_phase.ways_back(mode, s.x2, s.t - kept[0], p, s.rim)
 
 
 def tracking_rate(mode, s, kept, p):
@@ -396,3 +397,15 @@ def test_thresholds_out_of_order_are_refused():
         ProductionLogic(a1=44.0)
     with pytest.raises(ValueError, match=r"BoschLogic\.plus_A = 40\.0 must be at least plus_a \+ 2 = 52\.0"):
         BoschLogic(plus_a=50.0)
+
+
+def test_five_phases_let_go_of_a_wheel_that_stands():
+    """On snow, in the slow apply, at 60 bar. As published the acceleration that ends it never comes."""
+    for ways_back, lets_go in ((True, True), (False, False)):
+        road, brake = UniformRoad(SURFACES["snow"]), Brake(rate_limit=750.0, lag=5e-3)
+        loop = ClosedLoop(QuarterCar(Wheel(), road), brake, FivePhase(ways_back=ways_back))
+        state = loop.braking(30.0, -1.0, 1.0)._replace(brake=brake.initial_state(60.0))
+        mode = Mode(4, FREE, 1, HELD).encoded(len(FivePhase.phases))
+        path = rollout(loop, state, mode, step=2e-3, steps=500, max_events=50, save_every=1).path
+        locked = np.asarray(loop.locked(path.mode))
+        assert locked[:5].all() and locked[100:].any() != lets_go

@@ -77,7 +77,8 @@ class ByHand:
         slope, along = self.mechanics(t, y, y[17:21])
         found = []
         for i, (phase, x2) in enumerate(zip(self.phases, RADIUS * slope[5:9] - along)):
-            ways = five_phase.edges(phase, x2, self.p) + five_phase.ways_back(phase, x2, t - self.entered[i], self.p)
+            spent, rim = t - self.entered[i], RADIUS * y[5 + i]
+            ways = five_phase.edges(phase, x2, self.p) + five_phase.ways_back(phase, x2, spent, self.p, rim)
             found += [(i, following, guard) for guard, following in ways]
         return [*found, (None, None, y[21] - self.largest if self.pedal(y) else -1.0)]
 

@@ -70,10 +70,10 @@ class Unit:
         target, slope = self.target(now)
         return -(A / v * z2 * (target + ahead) + slope - self.p.gain * error) / B
 
-    def pass_(self, now, x2, xbs, v):
+    def pass_(self, now, x2, xbs, v, rim):
         self.advance(now, x2, xbs, v)
         spent = now - self.time
-        for guard, following in (*edges(self.phase, x2, self.p), *ways_back(self.phase, x2, spent, self.p)):
+        for guard, following in (*edges(self.phase, x2, self.p), *ways_back(self.phase, x2, spent, self.p, rim)):
             if guard >= 0:
                 self.phase = following
                 self.enter(now, x2)
@@ -104,7 +104,7 @@ def run(p, tyre, speed, ticks, tick, end):
         x2 = quarter_car.offset(*y, c)
         slip = quarter_car.RADIUS * y[1] / y[0] - 1
         xbs = c1 * c2 * math.exp(-c2 * abs(slip)) - c3
-        rates.appendleft(unit.pass_(time, x2, xbs, y[0]))
+        rates.appendleft(unit.pass_(time, x2, xbs, y[0], quarter_car.RADIUS * y[1]))
         # The pressure leaves the pedal's when the command that acts rises less than the pedal does.
         free = free or (unit.phase > 0 and rates[-1] < p.pedal - 1)
         path.append(y)

@@ -74,7 +74,8 @@ class ByHand:
             x2 = RADIUS * turning[i] - slowing
             if self.phase[i] > 0 or self.foot != "off":
                 ways = five_phase.edges(self.phase[i], x2, self.p[i])
-                ways = ways + five_phase.ways_back(self.phase[i], x2, t - self.entered[i], self.p[i])
+                rim = RADIUS * self.axle(y, i)[0]
+                ways = ways + five_phase.ways_back(self.phase[i], x2, t - self.entered[i], self.p[i], rim)
                 found += [(("to", i, following), guard) for following, guard in ((f, g) for g, f in ways)]
             ahead = self.rate(y, i) - self.slope()
             if self.on_pedal[i]:
