@@ -5,8 +5,8 @@
 | 0 driver braking | x2 <= -(eps0 + eps0_growth R w) -> 1 |
 | 1 release | x2 >= eps1 -> 2; after longest_release -> 4 |
 | 2 hold | x2 >= eps2 -> 3; x2 falls back through fallback eps1 -> 4 |
-| 3 fast apply | x2 <= eps3 -> 4; the wheel stands -> 1 |
-| 4 slow apply | x2 <= -eps4 -> 5; the wheel stands -> 1 |
+| 3 fast apply | x2 <= eps3 -> 4; the wheel stands, after 20 ms -> 1 |
+| 4 slow apply | x2 <= -eps4 -> 5; the wheel stands, after 20 ms -> 1 |
 | 5 hold | x2 <= -eps5 -> 1; x2 rises back through -fallback eps4 -> 4 |
 
 Ours, and not met in the published stops (`ways_back` off: the automaton as published):
@@ -34,6 +34,8 @@ from absjax.signals import Signals
 
 STANDS = 0.1
 """Speed of the rim, m/s, below which a wheel stands."""
+SHORTEST_APPLY = 0.02
+"""s, to a wheel that stands: at walking pace any wheel comes to stand, and would let phases follow without end."""
 TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
 
 
@@ -93,7 +95,7 @@ class AccelerationPhases(Controller):
         onward = jnp.where(rising, x2 - threshold, threshold - x2)
         overdue = signals.time - state.time - self.longest_release
         fallen, recovered = self.fallback * self.eps1 - x2, x2 + self.fallback * self.eps4
-        stands = STANDS - signals.radius * signals.wheel_speed
+        stands = jnp.minimum(STANDS - signals.radius * signals.wheel_speed, signals.time - state.time - SHORTEST_APPLY)
         if not self.ways_back:
             overdue = recovered = stands = -1.0
         back = pick(phase, (-1.0, overdue, fallen, stands, stands, recovered))

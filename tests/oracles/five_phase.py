@@ -16,6 +16,6 @@ def edges(phase, x2, p):
 def ways_back(phase, x2, spent, p, rim):
     """The same of what is the project's own: out of a release that lasts, of pressure applied to a wheel that stands,
     and of a hold the wheel recovers in."""
-    stands = 0.1 - rim, 1
+    stands = min(0.1 - rim, spent - 0.02), 1
     back = {1: (spent - p.longest_release, 4), 3: stands, 4: stands, 5: (x2 + p.fallback * p.eps4, 4)}
     return [back[phase]] if phase in back else []

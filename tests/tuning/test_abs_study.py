@@ -10,6 +10,7 @@ from absjax.controllers import CONTROLLERS
 from absjax.loop.stop import Outcome
 from absjax.parameters import trainable_names
 from tuning.controllers.batch import batch_of
+from tuning.controllers.chain import of_controller
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import CONTRACTION_CHARGE, NO_CYCLE_CHARGE, CycleRow, certify_cycles, exact_charges
 from tuning.controllers.recipes import published_sets, recipes, tuned_sets
@@ -209,7 +210,7 @@ def test_continuous_control_fails_on_the_estimate_and_two_phases_do_not():
 
 def test_the_tuned_parameters_are_the_trainable_ones_and_the_ways_out():
     for name, recipe in recipes().items():
-        tuned = set(Setup.of(recipe).box().names)
+        tuned = set(of_controller(dict.fromkeys(Setup.of(recipe).box().names)))
         extra = {name.split(".")[-1] for name in tuned} - set(trainable_names(recipe.kind))
         assert extra <= {"fallback", "longest_release", "slip_limit", "pressure_rate", "beyond"}, name
     assert Setup.of(TuningConfig()).box().names == trainable_names(CONTROLLERS["five_phase"])
