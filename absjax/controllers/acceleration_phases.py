@@ -34,6 +34,8 @@ from absjax.signals import Signals
 
 STANDS = 0.1
 """Speed of the rim, m/s, below which a wheel stands."""
+STOPPING = 100.0
+"""Deceleration, m/s^2, at which a rim comes to stand: both parts of the guard rise alike, and it has no corner."""
 SHORTEST_APPLY = 0.02
 """s, to a wheel that stands: at walking pace any wheel comes to stand, and would let phases follow without end."""
 TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
@@ -95,7 +97,9 @@ class AccelerationPhases(Controller):
         onward = jnp.where(rising, x2 - threshold, threshold - x2)
         overdue = signals.time - state.time - self.longest_release
         fallen, recovered = self.fallback * self.eps1 - x2, x2 + self.fallback * self.eps4
-        stands = jnp.minimum(STANDS - signals.radius * signals.wheel_speed, signals.time - state.time - SHORTEST_APPLY)
+        stands = jnp.minimum(
+            (STANDS - signals.radius * signals.wheel_speed) / STOPPING, signals.time - state.time - SHORTEST_APPLY
+        )
         if not self.ways_back:
             overdue = recovered = stands = -1.0
         back = pick(phase, (-1.0, overdue, fallen, stands, stands, recovered))

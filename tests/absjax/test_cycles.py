@@ -127,12 +127,13 @@ def test_contraction_is_below_one_for_every_gain_and_the_condition_of_the_source
 
 LIMITS = {"rate_limit": 750.0, "lag": 5e-3}
 TUNED = FivePhase(60.0, 13.4, 15.6, 13.5, 10.5, 12.6, 0.53, u1=28600.0, u3=1050.0, u4=850.0)
+STUCK = FivePhase(eps1=1e6, eps2=2e6, longest_release=1e6)
 
 
 def test_five_phase_cycles_by_rollout_against_repeated_cycles():
     """Lanes: one that cycles, one that is stuck in a phase, one that is chaotic. The contraction is what shrinks the
     distance to the fixed point from one cycle to the next."""
-    controllers, roads = (TUNED, FivePhase(eps5=1e6), FivePhase()), (DRY, *[SURFACES["dry_concrete"]] * 2)
+    controllers, roads = (TUNED, STUCK, FivePhase()), (DRY, *[SURFACES["dry_concrete"]] * 2)
     lanes = rig(stacked(controllers), stacked(roads), np.full(3, 60 / 3.6), **LIMITS)
     cycle, stuck, chaotic = (jax.tree.map(lambda x, i=i: x[i], limit_cycle(lanes)) for i in range(3))
     assert int(stuck.status) == CycleStatus.NOT_CYCLING

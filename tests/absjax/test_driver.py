@@ -46,6 +46,7 @@ class ByHand:
     def __init__(self, controller=CONTROLLER, driver=DRIVER):
         self.p, self.d = controller, driver
         self.phase, self.pressure, self.locked, self.foot, self.moves = 0, "pedal", False, "off", 0
+        self.entered = 0.0
         self.lock_began, self.lock_time, self.locks, self.seen = None, np.zeros(2), 0, set()
 
     def spin(self, y):
@@ -73,6 +74,7 @@ class ByHand:
         found.append(("free", self.spin(y)) if self.locked else ("lock", -y[1]))
         if self.phase > 0 or self.foot != "off":
             ways = five_phase.edges(self.phase, x, self.p)
+            ways += five_phase.ways_back(self.phase, x, t - self.entered, self.p, RADIUS * y[1])
             found += [(f"to {following}", guard) for guard, following in ways]
         instants = (self.d.delay, *self.d.changes)
         if self.moves < len(instants):
@@ -97,7 +99,7 @@ class ByHand:
     def jump(self, name, t, y):
         self.seen.add(name)
         if name.startswith("to "):
-            self.phase, self.pressure = int(name[3:]), "free"
+            self.phase, self.pressure, self.entered = int(name[3:]), "free", t
         elif name == "lock":
             self.locked, self.lock_began, self.locks, y[1] = True, (t, y[0]), self.locks + 1, 0.0
         elif name == "free":
