@@ -35,7 +35,8 @@ from absjax.signals import Signals
 STANDS = 0.1
 """Speed of the rim, m/s, below which a wheel stands."""
 STOPPING = 100.0
-"""Deceleration, m/s^2, at which a rim comes to stand: both parts of the guard rise alike, and it has no corner."""
+"""Deceleration, m/s^2, at which a rim comes to stand, or nearly: over it the speed is a time, both parts of the guard
+rise about alike, and an interpolant over the corner between them does not overshoot."""
 SHORTEST_APPLY = 0.02
 """s, to a wheel that stands: at walking pace any wheel comes to stand, and would let phases follow without end."""
 TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
