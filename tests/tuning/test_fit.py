@@ -17,6 +17,7 @@ from tuning.core.objective import Objective
 from tuning.core.problem import Problem, in_chunks
 
 BOX = Box(("size", "shift"), (0.1, -1.0), (10.0, 3.0))
+LEAST = {"size": 2.0, "shift": -0.5}
 MEAN = Objective()
 SEARCH = SearchConfig(starts=3, screened=20, iterations=40, learning_rate=0.1, refinements=3, scatter=1.0)
 
@@ -293,3 +294,40 @@ def test_generations_before_the_descent_begin_it_where_it_is_low(tmp_path):
     several = SearchConfig(generations=12, **{**few, "starts": 3})
     costs = fit(Bowls(), several).history[0]
     assert costs[0] < 0.15 and costs[1] == begun[0]
+
+
+class ManyBowls(Bowls):
+    """Bowls that can be judged on some of them."""
+
+    def __init__(self, centres=None, counted=None):
+        super().__init__()
+        drawn = 0.3 * np.random.default_rng(0).normal(size=(60, 2))
+        self.centres, self.counted = drawn if centres is None else centres, [] if counted is None else counted
+        self.members = len(self.centres)
+
+    def on(self, members):
+        return ManyBowls(self.centres[members], self.counted)
+
+    def judge(self, points):
+        self.counted.append(len(points) * self.members)
+        return super().judge(points)
+
+
+def test_generations_on_members_drawn_for_each_find_what_is_best_on_all(tmp_path):
+    """At less than a third of the stops; what counts is judged on all, and a run goes on from its journal."""
+    few = {"starts": 1, "screened": 4, "iterations": 1, "generations": 12, "refinements": 12}
+    path, counts, found, told = tmp_path / "journal", {}, {}, []
+    for batch in (None, 6):
+        problem, journal = ManyBowls(), Journal(path)
+        search = SearchConfig(batch=batch, **few)
+        found[batch] = fit(problem, search, journal=journal, progress=lambda *x: told.append(x))
+        counts[batch] = sum(problem.counted)
+        assert found[batch].cost == float(problem.judge(found[batch].point[None])[0])
+    least = float(ManyBowls().judge(BOX.point(LEAST)[None] - ManyBowls().centres.mean(axis=0))[0])
+    assert all(least <= run.cost < least + 2e-3 for run in found.values())
+    assert counts[6] < 0.3 * counts[None]
+    assert [done for done, *_ in told[:25]] == list(range(1, 26)) and told[0][1] == 25
+    again = ManyBowls()
+    resumed = fit(again, search, journal=Journal(path, resume=True))
+    assert not again.counted
+    np.testing.assert_array_equal(resumed.point, found[6].point)

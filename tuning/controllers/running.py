@@ -65,6 +65,11 @@ class RunningProblem(Problem):
         rows = None if members is None else members
         return _costs_and_slopes(self.descended, points, rows, apart, self.box, self.objective, self.grid)
 
+    def on(self, members):
+        """The same of some of the training draws."""
+        some = {name: getattr(self, name).of(members) for name in ("descended", "judged")}
+        return dataclasses.replace(self, members=len(members), **some)
+
     def screen(self, points):
         """Costs behind the stand-in."""
         return self._costs(self.descended, points)

@@ -24,12 +24,24 @@ class Evolution:
         self.point, self.cost = points[np.argmin(costs)], float(np.min(costs))
 
     def run(
-        self, costs: Costs, *, rounds: int, count: int, widest: float, seed: int, evolutions: int = 1
+        self,
+        costs: Costs,
+        *,
+        rounds: int,
+        count: int,
+        widest: float,
+        seed: int,
+        evolutions: int = 1,
+        judge: Costs | None = None,
+        told: Callable[[float], None] = lambda cost: None,
     ) -> "Evolution":
         """Evolve.
 
         Args:
             costs: of points.
+            judge: what counts, where `costs` are others in each generation, as on members of an ensemble that are drawn
+                anew: the best of the last generations are judged by it. None: `costs` are what counts.
+            told: called after each generation with the best cost so far.
             rounds: generations.
             count: points in each.
             widest: standard deviation of the first generation.
@@ -40,14 +52,25 @@ class Evolution:
         first, bounds = self.point, np.stack([low - SLACK, high + SLACK], axis=1)
         for evolution in range(evolutions):
             strategy = CMA(first, widest, bounds, seed=seed + evolution, population_size=count)
+            leaders = []
             for _ in range(rounds):
                 asked = [strategy.ask() for _ in range(count)]
                 points = self.box.valid(np.stack(asked))
                 judged = costs(points)
                 strategy.tell([(point, min(float(value), WORST)) for point, value in zip(asked, judged)])
-                if judged.min() < self.cost:
-                    self.point, self.cost = points[np.argmin(judged)], float(judged.min())
+                if judge is None:
+                    self._take(points, judged)
+                leaders.append(points[np.argmin(judged)])
+                told(self.cost)
+            if judge is not None and leaders:
+                points = np.stack([*leaders[-count + 1 :], self.box.valid(strategy.mean[None])[0]])
+                self._take(points, judge(points))
         return self
+
+    def _take(self, points: np.ndarray, costs: np.ndarray) -> None:
+        """Take the best of points if it is better than the best so far."""
+        if costs.min() < self.cost:
+            self.point, self.cost = points[np.argmin(costs)], float(costs.min())
 
 
 def refine(costs: Costs, box: Box, candidates: np.ndarray, **evolution) -> tuple[np.ndarray, float]:

@@ -5,7 +5,9 @@ nothing. Interrupted from the keyboard, it returns the best there is.
 """
 
 import dataclasses
-from typing import Annotated
+import itertools
+from collections.abc import Callable
+from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
@@ -17,6 +19,8 @@ from tuning.core.journal import Journal
 from tuning.core.objective import Name
 from tuning.core.problem import Problem
 
+Judge = Callable[..., np.ndarray]
+"""Costs (sets,) of points (sets, parameters), on some members of the ensemble if such are given."""
 NARROWER = 0.4
 """The last evolution begins so much narrower where there was one before the descent: the valley is found."""
 
@@ -38,7 +42,8 @@ class SearchConfig(Entries):
             first of the starts.
         iterations, learning_rate, seed: of the descent.
         method: 'adam' (cosine decay), or 'lbfgs' (backtracking).
-        batch: members of the ensemble drawn for each iteration, the same for all starts; None takes all.
+        batch: members of the ensemble drawn for each iteration, the same for all starts, and for each generation where
+            the problem can be judged on some; what counts in the end is judged on all. None takes all.
         patience: iterations without a better cost after which the descent ends; None: it goes on to the last.
         refinements: generations of evolution from the winner of the descents, on what counts in the end.
         evolutions: how often that is tried, with other draws.
@@ -94,7 +99,7 @@ def fit(
     """Search for the best point of a problem.
 
     Args:
-        progress: called with iteration, iterations and the best cost so far.
+        progress: called with the iterations and generations done, those there are, and the best cost so far.
         journal: where evaluations are kept.
 
     Raises:
@@ -110,11 +115,12 @@ class _Fit:
     def __init__(self, problem: Problem, search: SearchConfig, journal: Journal):
         self.problem, self.search, self.journal = problem, search, journal
         self.descent, self.evolution = Descent(problem.given), None
+        self.rounds = search.generations + search.iterations + search.refinements * search.evolutions
 
     def run(self, progress: Progress) -> Fitted:
         interrupted = False
         try:
-            self._search(progress)
+            self._search(lambda done, _, cost: progress(done, self.rounds, cost))
         except KeyboardInterrupt:
             interrupted = True
         if self.evolution is not None:
@@ -128,7 +134,7 @@ class _Fit:
 
     def _search(self, progress: Progress) -> None:
         search, problem = self.search, self.problem
-        starts = self._starts()
+        starts = self._starts(progress)
         self.descent = Descent(starts)
         self.descent.run(
             self._costs_and_gradients,
@@ -137,34 +143,68 @@ class _Fit:
             learning_rate=search.learning_rate,
             method=search.method,
             patience=search.patience,
-            progress=progress,
+            progress=lambda done, n, cost: progress(search.generations + done, n, cost),
         )
         last = () if search.batch is None else (self.descent.points,)
         candidates = np.concatenate([self.descent.best_points, starts, *last])
         self.evolution = Evolution(problem.box, candidates, self._judge(candidates))
-        self.evolution.run(
+        self._evolve(
+            self.evolution,
             self._judge,
+            progress,
+            done=search.generations + search.iterations,
             rounds=search.refinements,
-            count=problem.population,
             widest=problem.widest * (NARROWER if search.generations else 1.0),
             seed=search.seed + 1,
             evolutions=search.evolutions,
         )
 
-    def _judge(self, points: np.ndarray) -> np.ndarray:
-        return self.journal.evaluate(self.problem.judge, points)[0]
+    def _evolve(self, evolution: Evolution, costs: Judge, progress: Progress, *, done: int, seed: int, **how) -> None:
+        """Evolve from where `evolution` is, each generation on members of its own where that can be done.
+
+        Args:
+            done: iterations and generations before.
+        """
+        generations, counted = itertools.count(), itertools.count(done + 1)
+        whole = self.search.batch is None or self.problem.on(np.arange(1)) is None
+
+        def of_generation(points: np.ndarray) -> np.ndarray:
+            return costs(points, self._drawn(seed, next(generations), 1))
+
+        evolution.run(
+            costs if whole else of_generation,
+            judge=None if whole else costs,
+            count=self.problem.population,
+            seed=seed,
+            told=lambda cost: progress(next(counted), self.rounds, cost),
+            **how,
+        )
+
+    def _drawn(self, *seed: int) -> np.ndarray:
+        """Members of a batch."""
+        return np.sort(np.random.default_rng(seed).choice(self.problem.members, self.search.batch, replace=False))
+
+    def _judge(self, points: np.ndarray, members: np.ndarray | None = None) -> np.ndarray:
+        return self._costs("judge", points, members)
+
+    def _screen(self, points: np.ndarray, members: np.ndarray | None = None) -> np.ndarray:
+        return self._costs("screen", points, members)
+
+    def _costs(self, measure: Literal["judge", "screen"], points: np.ndarray, members: np.ndarray | None) -> np.ndarray:
+        if members is None:
+            return self.journal.evaluate(getattr(self.problem, measure), points)[0]
+        return self.journal.evaluate(lambda x, some: getattr(self.problem.on(some), measure)(x), points, members)[0]
 
     def _costs_and_gradients(self, iteration: int, points: np.ndarray):
         batch = self.search.batch
         if batch is None:
             costs, gradients = self.journal.evaluate(lambda x: self.problem.costs_and_gradients(x, None), points)
             return costs, gradients
-        rng = np.random.default_rng((self.search.seed, iteration))
-        members = np.sort(rng.choice(self.problem.members, batch, replace=False))
+        members = self._drawn(self.search.seed, iteration)
         costs, gradients = self.journal.evaluate(self.problem.costs_and_gradients, points, members)
         return costs, gradients
 
-    def _starts(self) -> np.ndarray:
+    def _starts(self, progress: Progress) -> np.ndarray:
         """The given starts, and the best of the screened random ones around the first."""
         search, given = self.search, self.problem.box.valid(self.problem.given)
         if search.starts == len(given) and not search.generations:
@@ -173,20 +213,14 @@ class _Fit:
         points = self.problem.box.valid(given[0] + draws * search.scatter)
         ranked = np.concatenate([given, points[np.argsort(self._screen(points))]])
         if search.generations:
-            ranked = np.concatenate([self._evolved(ranked[: len(given) + 1])[None], ranked])
+            ranked = np.concatenate([self._evolved(ranked[: len(given) + 1], progress)[None], ranked])
         return ranked[: search.starts]
 
-    def _evolved(self, points: np.ndarray) -> np.ndarray:
+    def _evolved(self, points: np.ndarray, progress: Progress) -> np.ndarray:
         """What evolution makes of the best of them, on what starts are chosen by."""
         search, problem = self.search, self.problem
-        found = Evolution(problem.box, points, self._screen(points)).run(
-            self._screen,
-            rounds=search.generations,
-            count=problem.population,
-            widest=problem.widest,
-            seed=search.seed,
+        found = Evolution(problem.box, points, self._screen(points))
+        self._evolve(
+            found, self._screen, progress, done=0, rounds=search.generations, widest=problem.widest, seed=search.seed
         )
         return found.point
-
-    def _screen(self, points: np.ndarray) -> np.ndarray:
-        return self.journal.evaluate(self.problem.screen, points)[0]

@@ -37,6 +37,11 @@ class Problem(ABC):
         """What random starts are chosen by: costs (sets,); as they are judged, unless that can be done for less."""
         return self.judge(points)
 
+    def on(self, members: np.ndarray) -> "Problem | None":
+        """The problem on some of the ensemble, (batch,), where points can be judged and screened on those alone; else
+        None: they are judged on all."""
+        return None
+
 
 def in_chunks(function: Callable[[np.ndarray], Any], points: np.ndarray, size: int, axis: int = 0) -> Any:
     """`function` over points (sets, parameters) in chunks of one shape, compiled once; leaves joined along `axis`."""
