@@ -128,8 +128,8 @@ def row(road: str, found: Slopes) -> dict[str, Any]:
         "cosine, fitted too": round(cosine(found.pooled, wanted), 4),
         "cosine of halves": round(cosine(*found.halves), 4),
         "wrong signs, located": wrong_signs(found.located, wanted),
-        "ticking": wrong_signs(found.ticking, wanted),
-        "fitted too": wrong_signs(found.pooled, wanted),
+        "wrong signs, ticking": wrong_signs(found.ticking, wanted),
+        "wrong signs, fitted too": wrong_signs(found.pooled, wanted),
     }
 
 
