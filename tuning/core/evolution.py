@@ -41,7 +41,8 @@ class Evolution:
             costs: of points.
             judge: what counts, where `costs` are others in each generation, as on members of an ensemble that are drawn
                 anew: the best of the last generations are judged by it. None: `costs` are what counts.
-            told: called after each generation with the best cost so far.
+            told: called after each generation with the best cost so far; with the best of the generation where there is
+                a `judge`.
             rounds: generations.
             count: points in each.
             widest: standard deviation of the first generation.
@@ -61,7 +62,7 @@ class Evolution:
                 if judge is None:
                     self._take(points, judged)
                 leaders.append(points[np.argmin(judged)])
-                told(self.cost)
+                told(self.cost if judge is None else float(judged.min()))
             if judge is not None and leaders:
                 points = np.stack([*leaders[-count + 1 :], self.box.valid(strategy.mean[None])[0]])
                 self._take(points, judge(points))

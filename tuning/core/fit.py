@@ -42,8 +42,8 @@ class SearchConfig(Entries):
             first of the starts.
         iterations, learning_rate, seed: of the descent.
         method: 'adam' (cosine decay), or 'lbfgs' (backtracking).
-        batch: members of the ensemble drawn for each iteration, the same for all starts, and for each generation where
-            the problem can be judged on some; what counts in the end is judged on all. None takes all.
+        batch: members of the ensemble drawn for each iteration, the same for all starts; where a problem can be judged
+            on some, for each generation too, and for screening. What counts in the end is judged on all. None takes all.
         patience: iterations without a better cost after which the descent ends; None: it goes on to the last.
         refinements: generations of evolution from the winner of the descents, on what counts in the end.
         evolutions: how often that is tried, with other draws.
@@ -116,6 +116,7 @@ class _Fit:
         self.problem, self.search, self.journal = problem, search, journal
         self.descent, self.evolution = Descent(problem.given), None
         self.rounds = search.generations + search.iterations + search.refinements * search.evolutions
+        self.in_batches = search.batch is not None and problem.on(np.arange(1)) is not None
 
     def run(self, progress: Progress) -> Fitted:
         interrupted = False
@@ -166,14 +167,13 @@ class _Fit:
             done: iterations and generations before.
         """
         generations, counted = itertools.count(), itertools.count(done + 1)
-        whole = self.search.batch is None or self.problem.on(np.arange(1)) is None
 
         def of_generation(points: np.ndarray) -> np.ndarray:
             return costs(points, self._drawn(seed, next(generations), 1))
 
         evolution.run(
-            costs if whole else of_generation,
-            judge=None if whole else costs,
+            of_generation if self.in_batches else costs,
+            judge=costs if self.in_batches else None,
             count=self.problem.population,
             seed=seed,
             told=lambda cost: progress(next(counted), self.rounds, cost),
@@ -211,7 +211,8 @@ class _Fit:
             return given
         draws = np.random.default_rng(search.seed).normal(size=(search.screened, given.shape[1]))
         points = self.problem.box.valid(given[0] + draws * search.scatter)
-        ranked = np.concatenate([given, points[np.argsort(self._screen(points))]])
+        some = self._drawn(search.seed) if self.in_batches else None
+        ranked = np.concatenate([given, points[np.argsort(self._screen(points, some))]])
         if search.generations:
             ranked = np.concatenate([self._evolved(ranked[: len(given) + 1], progress)[None], ranked])
         return ranked[: search.starts]
