@@ -43,7 +43,7 @@ class SearchConfig(Entries):
         iterations, learning_rate, seed: of the descent.
         method: 'adam' (cosine decay), or 'lbfgs' (backtracking).
         batch: members of the ensemble drawn for each iteration, the same for all starts; where a problem can be judged
-            on some, for each generation too, and for screening. What counts in the end is judged on all. None takes all.
+            on some, for each generation and for screening too. What counts in the end is judged on all. None takes all.
         patience: iterations without a better cost after which the descent ends; None: it goes on to the last.
         refinements: generations of evolution from the winner of the descents, on what counts in the end.
         evolutions: how often that is tried, with other draws.
