@@ -3,7 +3,6 @@ disk for the next run; and the order of the files, which processes share out amo
 
 import gc
 import os
-from pathlib import Path
 
 import jax
 import pytest
@@ -21,9 +20,6 @@ os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {FASTER}"
 
 # Traced programs are millions of objects that stay: looking through them now and then takes a sixth of the tracing.
 gc.set_threshold(100_000, 50, 100)
-
-MOST_MAPPINGS = 20_000
-"""Of a process, after which it drops its programs."""
 
 LONGEST = (
     "test_notebooks.py",
@@ -51,9 +47,6 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="module", autouse=True)
 def programs_of_some_files():
-    """Files share programs, most of all the small ones. A process that kept those of the whole suite has crashed: each
-    takes some mappings of memory, of which Linux allows 65530."""
+    """Files share programs, most of all the small ones; a process that kept those of the whole suite would end."""
     yield
-    mapped = Path("/proc/self/maps")
-    if not mapped.exists() or len(mapped.read_bytes().splitlines()) > MOST_MAPPINGS:
-        jax.clear_caches()
+    compilation.drop_if_many()

@@ -23,6 +23,7 @@ from tuning.controllers.loops import Loop, Sensors, carried, in_control_unit, lo
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.controllers.stop_figures import StopFigures
+from tuning.core.compilation import drop_if_many
 from tuning.core.config import ConfigError
 from tuning.core.problem import in_chunks
 from tuning.core.roads import stacked
@@ -199,11 +200,12 @@ def scored(
 
 
 def batch_of(setup: Setup) -> Batch:
-    """The rows of a setup.
+    """The rows of a setup. Every batch has programs of its own: where those before are many, they are dropped.
 
     Raises:
         ConfigError: if distances are to be relative to published ones that do not exist.
     """
+    drop_if_many()
     config, rows = setup.config, rows_of(setup.config)
     speed = np.array([row.speed for row in rows])
     horizon = SAFETY_HORIZON * max(row.longest_ideal for row in rows) + 1.0

@@ -39,6 +39,7 @@ def carry_out(
         source: the file of the configuration, for messages.
     """
     with clear_errors(source):
+        from tuning.core.compilation import drop_if_many
         from tuning.core.files import require_folder
         from tuning.core.page import write_page
         from tuning.core.report import write_tables
@@ -49,6 +50,7 @@ def carry_out(
         for report in found if isinstance(found, Iterator) else (found,):
             reports.append(report._replace(files=[*report.files, *write_tables(report, out / "tables")]))
             print_report(reports[-1])
+            drop_if_many()
             if report.interrupted:
                 break
         seconds = time.monotonic() - begun

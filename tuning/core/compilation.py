@@ -1,4 +1,5 @@
-"""Compiled programs kept on disk, shared by the command line, developers and tests; and told of while they are made."""
+"""Compiled programs kept on disk, shared by the command line, developers and tests; told of while they are made; and
+dropped by a process that has too many."""
 
 import os
 from collections.abc import Callable
@@ -10,6 +11,11 @@ FOLDER = "JAX_COMPILATION_CACHE_DIR"
 """Environment variable that names another folder than the usual one."""
 LONG = 1.0
 """Tracing after which a user is told that something is compiled, s."""
+
+MAPPINGS = Path("/proc/self/maps")
+"""Where Linux lists those of a process, one in a line."""
+MOST_MAPPINGS = 20_000
+"""Of a process. Programs take some hundred each; Linux allows 65530, and beyond them a process ends by a signal."""
 
 
 def keep_compiled() -> Path:
@@ -24,6 +30,15 @@ def keep_compiled() -> Path:
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
     return folder
+
+
+def drop_if_many() -> None:
+    """Drop the compiled programs of this process if they take more than `MOST_MAPPINGS`; called where others follow.
+
+    What is used again is read from disk, or compiled again.
+    """
+    if MAPPINGS.exists() and MAPPINGS.read_bytes().count(b"\n") > MOST_MAPPINGS:
+        jax.clear_caches()
 
 
 def tell_of_compilations(say: Callable[[str], None]) -> None:
