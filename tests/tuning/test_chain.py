@@ -8,9 +8,11 @@ import pytest
 from absjax.encoder.known_errors import KnownErrors
 from absjax.sensors.delayed import DelayedSensor
 from absjax.sensors.encoder import EncoderSensor
-from tuning.controllers.batch import scored
+from tuning.controllers.batch import batch_of, scored
 from tuning.controllers.chain import LEARNING, Chain, of_chain, of_controller, told_through
 from tuning.controllers.config import TuningConfig
+from tuning.controllers.loops import with_parameters
+from tuning.controllers.phase_times import short_phases
 from tuning.controllers.scatter import scattered
 from tuning.controllers.setup import Setup
 from tuning.core.config import ConfigError
@@ -84,3 +86,9 @@ def test_a_chain_that_does_not_tell_is_not_tuned():
         Setup.of(dataclasses.replace(CONFIG, start={"chain.window": 40.0}))
     with pytest.raises(ConfigError, match="no_such"):
         dataclasses.replace(CONFIG, start={"chain.no_such": 1.0})
+
+
+def test_a_loop_takes_the_controllers_of_them(setup, batch):
+    loop = with_parameters(batch.loop, {"eps1": 21.0, "chain.memory": 0.02})
+    assert loop.controller.eps1 == 21.0 and loop.controller.eps2 == setup.initial["eps2"]
+    assert short_phases(setup, batch_of(setup), setup.initial) == []

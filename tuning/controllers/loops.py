@@ -34,7 +34,8 @@ def carried(loop: Loop, change: Callable[[Any], Any]) -> Loop:
 
 
 def with_parameters(loop: Loop, own: Mapping[str, Any]) -> Loop:
-    """A loop with parameters of its controller, or of those of its axles."""
+    """A loop with parameters of its controller, or of those of its axles; a chain's are none of the loop."""
+    own = of_controller(own)
 
     def given(controller, values):
         return dataclasses.replace(controller, **values)
@@ -52,7 +53,7 @@ def with_parameters(loop: Loop, own: Mapping[str, Any]) -> Loop:
 def loop_of_lanes(loop: Loop, own: Mapping[str, Any], rows: int) -> Loop:
     """A loop whose plant and driver carry the rows, with the controller's parameters of each lane, (lanes,)."""
     sets = len(next(iter(own.values()))) // rows
-    return with_parameters(carried(loop, partial(repeated, times=sets)), of_controller(own))
+    return with_parameters(carried(loop, partial(repeated, times=sets)), own)
 
 
 def in_control_unit(
