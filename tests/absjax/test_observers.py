@@ -114,7 +114,7 @@ def test_a_tyre_that_relaxes_is_followed_by_who_knows_its_length():
         return [-A_GAIN * stiffness(slip) * rate - B_GAIN * pressing, rate, (y - speed * rate) / sigma, pressing]
 
     time = np.arange(4001) * 1e-4
-    y, slip, rate, pressure = solve_ivp(slope, (0, 0.4), [0.0, -0.1, 0.0, 30.0], t_eval=time, rtol=1e-10, atol=1e-12).y
+    y, slip, _, pressure = solve_ivp(slope, (0, 0.4), [0.0, -0.1, 0.0, 30.0], t_eval=time, rtol=1e-10, atol=1e-12).y
     samples, true = Sample(y, np.full_like(time, speed), pressure), stiffness(slip)
     knows = dataclasses.replace(OBSERVERS["adaptive"], start_c=c, start_d=c * c3, relaxation=sigma)
     start = knows.initial_state(0.0)._replace(w2=true[0])
@@ -126,14 +126,17 @@ def test_a_tyre_that_relaxes_is_followed_by_who_knows_its_length():
         found = observe(observer, samples, 1e-4, start=begun).raise_if_failed()
         errors[observer.relaxation] = np.abs(found.stiffness - true).max()
     assert errors[sigma] < 1e-3 and errors[None] > 0.5
-    slopes = jax.grad(lambda length: jnp.sum(_last(knows, length, samples)))(sigma)
-    ends = [float(_last(knows, sigma + h, samples)) for h in (-1e-4, 1e-4)]
-    assert float(slopes) == pytest.approx((ends[1] - ends[0]) / 2e-4, rel=1e-4)
+    _, slope = _last(knows, sigma, samples)
+    ends = [float(_last(knows, sigma + h, samples)[0]) for h in (-1e-4, 1e-4)]
+    assert float(slope) == pytest.approx((ends[1] - ends[0]) / 2e-4, rel=1e-4)
 
 
 @jax.jit
 def _last(observer, length, samples):
-    return observe(dataclasses.replace(observer, relaxation=length), samples, 1e-4).stiffness[-1]
+    def last(length):
+        return observe(dataclasses.replace(observer, relaxation=length), samples, 1e-4).stiffness[-1]
+
+    return jax.jvp(last, (length,), (jnp.ones_like(length),))
 
 
 def exponential_basis(slip):
