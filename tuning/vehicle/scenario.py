@@ -160,7 +160,7 @@ def _while_active(observer: AdaptiveObserver, samples: Sample, shares: np.ndarra
 @jax.jit
 def _observed(observer: AdaptiveObserver, samples: Sample, shares) -> jax.Array:
     """The same along samples (samples,), the load known as a share of that at rest."""
-    first = jax.tree.map(lambda x: x[0], samples)
+    first, shares = jax.tree.map(lambda x: x[0], samples), jnp.asarray(shares)
 
     def body(carry, after):
         before, state = carry
@@ -173,8 +173,8 @@ def _observed(observer: AdaptiveObserver, samples: Sample, shares) -> jax.Array:
         state = tree_where(sound, state, anew)
         return (sample, state), loaded.stiffness(state, sample.y)
 
-    rest = jax.tree.map(lambda x: x[1:], (samples, jnp.asarray(shares)))
-    _, path = lax.scan(body, (first, observer.initial_state(first.y)), rest)
+    rest = jax.tree.map(lambda x: x[1:], (samples, shares))
+    _, path = lax.scan(body, (first, at_load(observer, shares[0]).initial_state(first.y)), rest)
     return jnp.concatenate([jnp.zeros_like(path[:1]), path])
 
 
