@@ -23,7 +23,7 @@ from absjax.loop.driver import Driver
 from absjax.loop.sampled_vehicle import SampledVehicle
 from absjax.loop.stop import Outcome, stop
 from absjax.loop.vehicle_loop import VehicleLoop
-from absjax.observers.adaptive import AdaptiveObserver
+from absjax.observers.adaptive import AdaptiveObserver, AdaptiveState
 from absjax.observers.base import Sample
 from absjax.observers.clamped import Clamped
 from absjax.observers.designs import Adaptive
@@ -43,6 +43,8 @@ PEDAL = Driver(rate=200.0, delay=0.25)
 BEGINS = 0.75, 0.5
 SURFACES_PASSED, CHANGES, BLEND = ("dry_asphalt", "snow", "wet_asphalt"), (2.5, 5.0), 0.025
 PERIOD, SUBSTEPS, HORIZON, EVENTS = 1e-3, 16, 14.0, 1200
+C2, C2_C3 = (4.0, 120.0), (0.05, 60.0)
+"""What roads have, but for ice: c and d of the adaptive observer are projected onto it."""
 ROUND = 0.5
 """Time the source gives an estimate after a change of the road [s]."""
 NEAR = 0.05
@@ -165,17 +167,23 @@ def _observed(observer: AdaptiveObserver, samples: Sample, shares) -> jax.Array:
     def body(carry, after):
         before, state = carry
         sample, share = after
-        loaded = at_load(Clamped(observer), share)
+        loaded = at_load(observer, share)
         state = advance(loaded, state, before, sample, PERIOD, SUBSTEPS)
-        # A wheel that slips deep throws c and d where no road has them: the estimate begins anew.
-        sound = jnp.isfinite(sum(jax.tree.leaves(state))) & (state.c > 0) & (state.d > 0)
-        anew = loaded.initial_state(sample.y)._replace(slip_rate=state.slip_rate)
-        state = tree_where(sound, state, anew)
-        return (sample, state), loaded.stiffness(state, sample.y)
+        finite = jnp.isfinite(sum(jax.tree.leaves(state)))
+        state = projected(loaded, tree_where(finite, state, loaded.initial_state(sample.y)))
+        return (sample, state), Clamped(loaded).stiffness(state, sample.y)
 
     rest = jax.tree.map(lambda x: x[1:], (samples, shares))
     _, path = lax.scan(body, (first, at_load(observer, shares[0]).initial_state(first.y)), rest)
     return jnp.concatenate([jnp.zeros_like(path[:1]), path])
+
+
+def projected(observer: AdaptiveObserver, state: AdaptiveState) -> AdaptiveState:
+    """The state with c, d and XBS where roads have them: a wheel that slips deep throws them far out."""
+    gain, range_of = observer.wheel.slip_gain, Clamped(observer)
+    c, d = jnp.clip(state.c, *C2), jnp.clip(state.d, *C2_C3)
+    stiffness = jnp.clip(state.w2 - state.c / gain * state.w1, range_of.low, range_of.high)
+    return state._replace(c=c, d=d, w2=stiffness + c / gain * state.w1)
 
 
 def figures_of(ride: Ride, axle: int) -> dict[str, Any]:
