@@ -8,7 +8,12 @@
     A = (y/v) [[0, -a], [0, 0]],  B = (-b, 0)',  C = (1, 0),  K = (y/v) K'(sign y)
     Psi = [[y^2/v, 0], [-(b/a) u, y/v]]
 
-Source: Aguado-Rojas 2019, eq. 3.1-3.4 and 3.15.
+y/v is the rate of the slip. Of a tyre that takes a length sigma to build up its force it is that of the relaxed slip l,
+
+    sigma d(l')/dt = y - v l'
+
+the speed taken as constant over sigma, and l' stands for y/v above.
+Source: Aguado-Rojas 2019, eq. 3.1-3.4 and 3.15; relaxation is ours.
 """
 
 from typing import Any, NamedTuple
@@ -40,6 +45,8 @@ class AdaptiveState(NamedTuple):
     y21: jax.Array
     y22: jax.Array
     """the filtered regressor Y, row by row"""
+    slip_rate: jax.Array | None = None
+    """rate of the relaxed slip, l' [1/s]; None without relaxation"""
 
 
 @model
@@ -52,6 +59,9 @@ class AdaptiveObserver:
     adaptation: Any = parameter("diagonal of G, shape (2,)", ndim=1, low=0.0)
     start_c: Any = parameter("c^ at the start", default=50.0, low=0.0)
     start_d: Any = parameter("d^ at the start", default=2.5, low=0.0)
+    relaxation: Any = parameter(
+        "sigma, relaxation length of the tyre, m; None: none, not 0", default=None, low=0.0, open_low=True
+    )
 
     @classmethod
     def placed(cls, wheel: Wheel, factor, adaptation, ratio: Any = 1.0, **others: Any) -> "AdaptiveObserver":
@@ -77,13 +87,18 @@ class AdaptiveObserver:
         """State before anything is known: the measured y [m/s^2], XBS 0, the road at the start values."""
         zero = 0.0 * y
         c = zero + self.start_c
-        return AdaptiveState(y, c / self.wheel.slip_gain * y, c, zero + self.start_d, zero, zero, zero, zero)
+        rate = None if self.relaxation is None else zero
+        return AdaptiveState(y, c / self.wheel.slip_gain * y, c, zero + self.start_d, zero, zero, zero, zero, rate)
+
+    def slip_rate(self, state: AdaptiveState, y, speed):
+        """y/v, or that of the relaxed slip [1/s]."""
+        return y / speed if state.slip_rate is None else state.slip_rate
 
     def flow(self, state: AdaptiveState, y, speed, rate) -> AdaptiveState:
         """d(state)/dt from y [m/s^2], v [m/s] and dPb/dt [bar/s]."""
         a, b = self.wheel.slip_gain, self.wheel.pressure_gain
-        s, error, (g1, g2) = y / speed, y - state.w1, self.adaptation
-        k1, k2 = jnp.where(y > 0, self.plus, self.minus)
+        s, error, (g1, g2) = self.slip_rate(state, y, speed), y - state.w1, self.adaptation
+        k1, k2 = jnp.where(s > 0, self.plus, self.minus)
         learn_c, learn_d = g1 * state.y11 * error, g2 * state.y12 * error
         return AdaptiveState(
             w1=s * (y * state.c - a * state.w2 + k1 * error) - b * rate + state.y11 * learn_c + state.y12 * learn_d,
@@ -94,6 +109,7 @@ class AdaptiveObserver:
             y12=s * (-k1 * state.y12 - a * state.y22),
             y21=-s * k2 * state.y11 - b / a * rate,
             y22=s * (1 - k2 * state.y12),
+            slip_rate=None if state.slip_rate is None else (y - speed * s) / self.relaxation,
         )
 
     def stiffness(self, state: AdaptiveState, y):
@@ -104,5 +120,6 @@ class AdaptiveObserver:
         """Fastest rate of the error dynamics [1/s], of injection and adaptation (Y G Y' C' C); arrays broadcast."""
         linear = constant_stiffness(self.wheel)
         plus, minus = (spectral_radius(linear.A - jnp.outer(K, linear.C)) for K in (self.plus, self.minus))
-        injection = jnp.abs(y) / speed * jnp.where(y > 0, plus, minus)
+        s = self.slip_rate(state, y, speed)
+        injection = jnp.abs(s) * jnp.where(s > 0, plus, minus)
         return injection + self.adaptation[0] * state.y11**2 + self.adaptation[1] * state.y12**2

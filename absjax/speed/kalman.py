@@ -1,7 +1,7 @@
 """A Kalman filter for the vehicle's speed and the bias of its accelerometer.
 
     v' = a - b + noise,  b' = noise        a: as the accelerometer tells it
-    z_i = (1 - c a^) R w_i = v + noise     for each wheel i, a^ = a - b
+    z_i = (1 - c_i a^) R w_i = v + noise   for each wheel i, a^ = a - b, 0 <= c_i <= c
 
 Between samples, with P the covariance and T the period,
 
@@ -15,10 +15,11 @@ x_i says that a wheel slips: by its innovation, in standard deviations k of thos
 and by its own acceleration. A wheel that rolls has x_i near zero; one that slips is hardly counted, and the estimate
 coasts on the accelerometer. While it coasts P_vv grows, and with it what is taken for rolling, so that the wheels are
 found again. Rims lie below the speed while a car brakes: what lies above tells more. c is the slip of a braked wheel
-over the deceleration, zero where it is neglected.
+over the deceleration, zero where it is neglected. A wheel that control has let go of rolls without that slip: z_i is
+nearest to v between R w_i and (1 - c a^) R w_i, so that a slip it may not have lifts no estimate above its rim.
 
 Source: Aguado-Rojas 2019, section 3.6, for signals and bias, who takes the filter from Daiss and Kiencke 1995; how a
-wheel is told to slip, and c, are ours.
+wheel is told to slip, and c_i, are ours.
 """
 
 from typing import Any, ClassVar, NamedTuple
@@ -97,7 +98,7 @@ class KalmanSpeed:
         bias_variance = state.bias_variance + period * self.bias_drift**2
         measured = [
             (z, self.rim_variance(z - speed, change - car, variance), lagged)
-            for z, change, lagged in self._measured(state, car, rims, period)
+            for z, change, lagged in self._measured(state, speed, car, rims, period)
         ]
         for z, noise, _ in measured:
             innovation, total = z - speed, variance + noise
@@ -107,10 +108,12 @@ class KalmanSpeed:
         lagged = tuple(lagged for *_, lagged in measured)
         return KalmanState(jnp.maximum(speed, self.least), bias, variance, covariance, bias_variance, lagged)
 
-    def _measured(self, state: KalmanState, car, rims, period):
+    def _measured(self, state: KalmanState, speed, car, rims, period):
         """Of each wheel the speed it tells, the acceleration of its rim, and its speed behind the lag."""
         for rim, lagged in zip(told(self, rims, self.wheels), state.lagged):
-            yield (1 - self.slip * car) * rim, *rim_acceleration(rim, lagged, self.lag, period)
+            braked = (1 - self.slip * car) * rim
+            nearest = jnp.clip(speed, jnp.minimum(rim, braked), jnp.maximum(rim, braked))
+            yield nearest, *rim_acceleration(rim, lagged, self.lag, period)
 
     def rim_variance(self, innovation, change, variance):
         """R_i [m^2/s^2] of a wheel.

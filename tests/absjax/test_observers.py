@@ -101,6 +101,44 @@ def test_against_the_matrix_form_solved_by_scipy(name):
     np.testing.assert_allclose(got / scale, expected / scale, atol=2e-4)
 
 
+def test_a_tyre_that_relaxes_is_followed_by_who_knows_its_length():
+    """Begun at the truth, the estimate stays there on the model with sigma l'' = y - v l', solved by SciPy."""
+    sigma, speed, c, c3 = 0.25, 20.0, 24.0, 0.52
+
+    def stiffness(slip):
+        return 1.28 * c * np.exp(c * slip) - c3
+
+    def slope(t, x):
+        y, slip, rate, _ = x
+        pressing = 300 * np.cos(2 * np.pi * 8 * t)
+        return [-A_GAIN * stiffness(slip) * rate - B_GAIN * pressing, rate, (y - speed * rate) / sigma, pressing]
+
+    time = np.arange(4001) * 1e-4
+    y, slip, _, pressure = solve_ivp(slope, (0, 0.4), [0.0, -0.1, 0.0, 30.0], t_eval=time, rtol=1e-10, atol=1e-12).y
+    samples, true = Sample(y, np.full_like(time, speed), pressure), stiffness(slip)
+    knows = dataclasses.replace(OBSERVERS["adaptive"], start_c=c, start_d=c * c3, relaxation=sigma)
+    start = knows.initial_state(0.0)._replace(w2=true[0])
+    errors = {}
+    for observer, begun in (
+        (knows, start),
+        (dataclasses.replace(knows, relaxation=None), start._replace(slip_rate=None)),
+    ):
+        found = observe(observer, samples, 1e-4, start=begun).raise_if_failed()
+        errors[observer.relaxation] = np.abs(found.stiffness - true).max()
+    assert errors[sigma] < 1e-3 and errors[None] > 0.5
+    _, slope = _last(knows, sigma, samples)
+    ends = [float(_last(knows, sigma + h, samples)[0]) for h in (-1e-4, 1e-4)]
+    assert float(slope) == pytest.approx((ends[1] - ends[0]) / 2e-4, rel=1e-4)
+
+
+@jax.jit
+def _last(observer, length, samples):
+    def last(length):
+        return observe(dataclasses.replace(observer, relaxation=length), samples, 1e-4).stiffness[-1]
+
+    return jax.jvp(last, (length,), (jnp.ones_like(length),))
+
+
 def exponential_basis(slip):
     """Dry road of Hoang et al. 2014, Table I."""
     return -0.527 + 25.222 * np.exp(22 * slip) + 7.204 * np.exp(52 * slip)

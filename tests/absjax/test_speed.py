@@ -22,13 +22,13 @@ GATED |= {"below": 1.5, "above": 6.0, "deviation": 4.0, "slip": 0.004}
 ESTIMATORS = [KalmanSpeed(), ReferenceSpeed(refreshed_by=1), LargestRim(), FixedGradient()]
 
 
-def braked(seconds=3.0, wheels=2, deceleration=8.0, bias=0.5, speed=30.0, seed=0):
+def braked(seconds=3.0, wheels=2, deceleration=8.0, bias=0.5, speed=30.0, seed=0, dips=0.15):
     """Half a second of rolling, then braking in which the rims dip below the speed in turn; true speed and log."""
     rng, time = np.random.default_rng(seed), PERIOD * np.arange(round(seconds / PERIOD))
     braking = time > 0.5
     truth = speed - np.where(braking, deceleration * (time - 0.5), 0.0)
     phase = np.arange(wheels) * 1.3
-    dips = 0.15 * np.maximum(np.sin(14 * time[:, None] + phase), 0.0) ** 2 + 0.02
+    dips = dips * np.maximum(np.sin(14 * time[:, None] + phase), 0.0) ** 2 + 0.02
     rims = truth[:, None] * np.where(braking[:, None], 1 - dips, 1.0) + 0.03 * rng.normal(size=(time.size, wheels))
     measured = np.where(braking, -deceleration, 0.0) + bias + 0.1 * rng.normal(size=time.size)
     return truth, SpeedSamples(measured, rims)
@@ -137,10 +137,23 @@ def test_all_wheels_locked_for_two_seconds_on_ice():
     locked = np.arange(200, 400)
     samples.rims[locked] = 0.0
     errors = {type(one): np.abs(speeds(one, samples) - truth) for one in ESTIMATORS}
-    rolling = 0.02 * truth  # the least slip of these wheels
+    # The least slip of these wheels, and that of a braked one, which may be theirs or not.
+    rolling = (0.02 + 0.45 * KalmanSpeed().slip) * truth
     assert np.all(errors[KalmanSpeed][50:] < 1.1 * rolling[50:])
     assert errors[ReferenceSpeed][locked].max() < (1.0 - 0.45) * 3.5  # its margin, less the car's deceleration
     assert errors[LargestRim][locked].min() > 15 and errors[FixedGradient][locked].max() > 10
+
+
+def test_a_wheel_let_go_of_lifts_the_estimate_no_higher_than_its_rim():
+    """The rear wheel slips deep, spins back and rolls freely while the front one brakes: it has no slip of a braked
+    wheel, and the bias that was found while rolling stays found."""
+    truth, samples = braked(dips=0.4)
+    time = PERIOD * np.arange(len(truth))
+    samples.rims[:, 1] = truth * np.where((time > 0.6) & (time < 1.2), 0.5, 1.0)
+    found = estimate_speed(KalmanSpeed(slip=0.005), samples, PERIOD)
+    after = time > 1.4
+    assert np.abs(np.asarray(found.speed) - truth)[after].max() < 0.1
+    assert np.abs(np.asarray(found.path.bias) - 0.5)[after].max() < 0.15
 
 
 def test_the_filter_finds_the_bias_and_beats_the_rims():

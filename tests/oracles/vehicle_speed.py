@@ -38,7 +38,8 @@ def kalman(
         R = np.zeros((wheels, wheels))
         told = np.zeros(wheels)
         for i in range(wheels):
-            told[i] = rim[i] * (1 - slip * car)
+            low, high = sorted((rim[i], rim[i] * (1 - slip * car)))
+            told[i] = min(max(state[0], low), high)
             rate = (rim[i] - lagged[i]) / (lag + period)
             lagged[i] += period * rate
             e = told[i] - state[0]

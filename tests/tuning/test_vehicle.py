@@ -6,7 +6,12 @@ import numpy as np
 import pytest
 
 from absjax.loop.vehicle_loop import VehicleLoop
+from absjax.observers.base import Sample
+from absjax.observers.clamped import Clamped
+from absjax.observers.designs import Adaptive
+from absjax.observers.run import observe
 from absjax.plant.road import as_road
+from absjax.plant.wheel import Wheel
 from absjax.speed import KalmanSpeed
 from tuning.cars.car import car_entry, shipped_cars
 from tuning.cars.entry import WIRINGS, VehicleEntry, of_axle
@@ -15,7 +20,7 @@ from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import in_control_unit, loop_of_lanes
 from tuning.controllers.setup import Setup
 from tuning.core.config import ConfigError
-from tuning.vehicle.scenario import BLEND, CHANGES, Ride, figures_of
+from tuning.vehicle.scenario import BLEND, CHANGES, PERIOD, SUBSTEPS, Ride, _observed, figures_of
 
 OWN = {
     "controller": "five_phase",
@@ -93,6 +98,18 @@ def test_a_car_of_impossible_figures_is_refused():
     car = car_entry({**figures, "unladen": {**figures["unladen"], "to_front": 3.0}})
     with pytest.raises(ConfigError, match="to_front"):
         car.vehicle("two_axle", (as_road("dry_asphalt"),) * 2)
+
+
+def test_estimates_of_the_scenario_are_read_at_the_load_they_are_reckoned_with():
+    """An axle whose load is known to be 1.3 times that at rest is an axle with that load."""
+    wheel, design = Wheel(), Adaptive(gain_c=10.0, gain_d=10.0)
+    heavy = dataclasses.replace(wheel, load=1.3 * wheel.load)
+    time = np.arange(0.0, 0.035, PERIOD)  # where nothing is projected
+    samples = Sample(20 * np.cos(40 * time), 25 - 8 * time, 60 + 20 * np.sin(50 * time))
+    found = _observed(design.observer(wheel), samples, np.full_like(time, 1.3))
+    whole = observe(Clamped(design.observer(heavy)), samples, PERIOD, substeps=SUBSTEPS).stiffness
+    np.testing.assert_allclose(found[1:], whole[1:], rtol=1e-9)
+    assert np.ptp(whole) > 0.1
 
 
 def test_what_is_told_of_the_scenario():

@@ -12,6 +12,8 @@ VEHICLE_STUDY = About(
         "of the road.",
         "distances": "Distance over the ideal one of the car under the same pedal, mean and worst of all roads and "
         "speeds: default sets, sets tuned on a quarter car, and sets tuned on the car.",
+        "roads that change": "The same of five phases where the road changes along the way: to less friction, to more, "
+        "and a patch; no set was tuned on these.",
         "speed.png": "Speed of the car, estimated speed and rims; dashed lines: changes of the road.",
         "pressure.png": "Pressure in front and behind.",
         "load.png": "Loads of the axles, true and as reckoned from the measured acceleration.",

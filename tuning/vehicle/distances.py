@@ -21,12 +21,26 @@ from tuning.controllers.recipes import car_sets, tuned_sets
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.core.components import initial
+from tuning.core.roads import Surfaces
 
 CONTROLLERS = "five_phase", "two_phase", "slip", "bosch", "production"
 """Those of tables; two-phase goes by the true XBS here."""
 TO_STOP_KMH = 15.0
 """Below this speed relaxed tyres and a control unit's tick leave little to control."""
 SETTINGS = "located", "sampled 1 ms", "sampled, estimated speed"
+CHANGING = tuple(
+    Surfaces(surfaces, changes, speeds)
+    for surfaces, changes, speeds in (
+        (("dry_asphalt", "snow"), (45.0,), (120.0,)),
+        (("wet_asphalt", "snow"), (20.0,), (80.0,)),
+        (("snow", "dry_asphalt"), (40.0,), (100.0,)),
+        (("wet_cobblestones", "dry_concrete"), (30.0,), (90.0,)),
+        (("dry_asphalt", "snow", "dry_asphalt"), (25.0, 55.0), (120.0, 150.0)),
+        (("dry_concrete", "wet_cobblestones", "dry_concrete"), (20.0, 60.0), (110.0,)),
+        (("dry_asphalt", "wet_asphalt"), (25.0,), (100.0,)),
+    )
+)
+"""Roads that change along the way; none is tuned on."""
 
 
 class Found(NamedTuple):
@@ -55,6 +69,7 @@ class Found(NamedTuple):
             "on": self.names[worst],
             "do not end": int(np.sum(~ended)),
             "locked over 0.2 s": int(np.sum(self.longest_lock > 0.2)),
+            "longest lock [s]": round(float(np.max(self.longest_lock)), 3),
         }
 
 

@@ -12,6 +12,8 @@ from tuning.vehicle.drive_log import Drive
 from tuning.vehicle.split_mu import Case
 from tuning.vehicle.trade_off import WHERES, Traded
 
+YAW_RATES = 2, 5, 10, 20, 50, 100
+"""Ticks, deg/s."""
 TRADE = ("largest yaw rate", "deg/s"), ("distance", "m")
 REAL, DRIVEN = {"color": "k", "ls": "--", "lw": 1.0}, {"color": "C0", "lw": 1.0}
 
@@ -90,7 +92,7 @@ def trade_off_figure(traded: Sequence[Traded], cases: Sequence[Case], title: str
         for panel, wheres in zip(axes, (WHERES[:2], WHERES[2:])):
             for where, style in zip(wheres, ("o-", "s:")):
                 found = [[row[f"{what}{where} [{unit}]"] for row in rows] for what, unit in TRADE]
-                panel.plot(*found, style, color=f"C{i}", ms=6, mfc="none", label=f"{wiring}, tuned{where}")
+                panel.plot(*found, style, color=f"C{i}", lw=0.6, ms=6, mfc="none", label=f"{wiring}, tuned{where}")
                 sound = [row["limit"] == "kept" and row["end"] != "spun" for row in rows]
                 panel.plot(*(np.array(values)[sound] for values in found), style[0], color=f"C{i}", ms=6)
         for case in cases:
@@ -98,9 +100,11 @@ def trade_off_figure(traded: Sequence[Traded], cases: Sequence[Case], title: str
                 at = case.row["largest yaw rate [deg/s]"], case.row["distance [m]"]
                 axes[0].plot(*at, "*", color=f"C{i}", ms=14, mec="k", label=f"{wiring}, shipped set")
     for panel in axes:
-        panel.set(xlabel="largest yaw rate [deg/s]", ylabel="distance [m]")
+        panel.set(xlabel="largest yaw rate [deg/s]", ylabel="distance [m]", xscale="log", xticks=YAW_RATES)
+        panel.xaxis.set_major_formatter("{x:g}")
+        panel.xaxis.set_minor_formatter("")
         panel.grid(alpha=0.3)
-        panel.legend(fontsize="small")
+        panel.legend(fontsize="small", loc="lower left")
     figure.suptitle(f"{title}: what distance is paid for less yaw\nhollow: the limit is not reached, or the car spins")
     figure.tight_layout()
     return figure

@@ -7,6 +7,7 @@ the pedal, 200 bar/s, is ours: what brings both axles near their peaks when the 
 Source: Aguado-Rojas 2019, section 3.6, Figs 3.15 to 3.19.
 """
 
+import dataclasses
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -22,7 +23,8 @@ from absjax.loop.driver import Driver
 from absjax.loop.sampled_vehicle import SampledVehicle
 from absjax.loop.stop import Outcome, stop
 from absjax.loop.vehicle_loop import VehicleLoop
-from absjax.observers.base import Observer, Sample
+from absjax.observers.adaptive import AdaptiveObserver, AdaptiveState
+from absjax.observers.base import Sample
 from absjax.observers.clamped import Clamped
 from absjax.observers.designs import Adaptive
 from absjax.observers.load import at_load
@@ -30,6 +32,7 @@ from absjax.observers.run import advance
 from absjax.plant.brake import Brake
 from absjax.plant.road import ChangingRoad
 from absjax.plant.two_axle import TwoAxle
+from absjax.plant.wheel import Wheel
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
 from absjax.tyres.surfaces import SURFACES
@@ -40,6 +43,8 @@ PEDAL = Driver(rate=200.0, delay=0.25)
 BEGINS = 0.75, 0.5
 SURFACES_PASSED, CHANGES, BLEND = ("dry_asphalt", "snow", "wet_asphalt"), (2.5, 5.0), 0.025
 PERIOD, SUBSTEPS, HORIZON, EVENTS = 1e-3, 16, 14.0, 1200
+C2, C2_C3 = (4.0, 120.0), (0.05, 60.0)
+"""What roads have, but for ice: c and d of the adaptive observer are projected onto it."""
 ROUND = 0.5
 """Time the source gives an estimate after a change of the road [s]."""
 NEAR = 0.05
@@ -122,7 +127,7 @@ def _ride(unit: SampledVehicle, loop: VehicleLoop, path, design: Adaptive) -> Ri
     for samples, loads in zip((told, tuple(map(Sample.of, true))), known_loads):
         pairs = zip(samples, loads, vehicle.wheels, active)
         estimates.append(
-            np.stack([_while_active(design.observer(w), s, load / w.load, on) for s, load, w, on in pairs])
+            np.stack([_while_active(_observer(design, w, vehicle), s, load / w.load, on) for s, load, w, on in pairs])
         )
     return Ride(
         time=np.asarray(path.time),
@@ -139,34 +144,46 @@ def _ride(unit: SampledVehicle, loop: VehicleLoop, path, design: Adaptive) -> Ri
     )
 
 
+def _observer(design: Adaptive, wheel: Wheel, vehicle: TwoAxle) -> AdaptiveObserver:
+    return dataclasses.replace(design.observer(wheel), relaxation=vehicle.relaxation)
+
+
 def _arrays(values) -> np.ndarray:
     return np.stack([np.asarray(value) for value in values])
 
 
-def _while_active(observer: Observer, samples: Sample, shares: np.ndarray, active: np.ndarray) -> np.ndarray:
+def _while_active(observer: AdaptiveObserver, samples: Sample, shares: np.ndarray, active: np.ndarray) -> np.ndarray:
     """XBS (samples,) as an observer estimates it from where the controller begins to act, 0 before."""
     first = int(np.argmax(active))
-    found = _observed(Clamped(observer), jax.tree.map(lambda x: jnp.asarray(x)[first:], samples), shares[first:])
+    found = _observed(observer, jax.tree.map(lambda x: jnp.asarray(x)[first:], samples), shares[first:])
     return np.concatenate([np.zeros(first), np.asarray(found)])
 
 
 @jax.jit
-def _observed(observer: Observer, samples: Sample, shares) -> jax.Array:
+def _observed(observer: AdaptiveObserver, samples: Sample, shares) -> jax.Array:
     """The same along samples (samples,), the load known as a share of that at rest."""
-    first = jax.tree.map(lambda x: x[0], samples)
+    first, shares = jax.tree.map(lambda x: x[0], samples), jnp.asarray(shares)
 
     def body(carry, after):
         before, state = carry
         sample, share = after
-        state = advance(at_load(observer, share), state, before, sample, PERIOD, SUBSTEPS)
-        # A wheel that locks throws the estimate out of the finite numbers: it begins anew.
+        loaded = at_load(observer, share)
+        state = advance(loaded, state, before, sample, PERIOD, SUBSTEPS)
         finite = jnp.isfinite(sum(jax.tree.leaves(state)))
-        state = tree_where(finite, state, observer.initial_state(sample.y))
-        return (sample, state), observer.stiffness(state, sample.y)
+        state = projected(loaded, tree_where(finite, state, loaded.initial_state(sample.y)))
+        return (sample, state), Clamped(loaded).stiffness(state, sample.y)
 
-    rest = jax.tree.map(lambda x: x[1:], (samples, jnp.asarray(shares)))
-    _, path = lax.scan(body, (first, observer.initial_state(first.y)), rest)
+    rest = jax.tree.map(lambda x: x[1:], (samples, shares))
+    _, path = lax.scan(body, (first, at_load(observer, shares[0]).initial_state(first.y)), rest)
     return jnp.concatenate([jnp.zeros_like(path[:1]), path])
+
+
+def projected(observer: AdaptiveObserver, state: AdaptiveState) -> AdaptiveState:
+    """The state with c, d and XBS where roads have them: a wheel that slips deep throws them far out."""
+    gain, range_of = observer.wheel.slip_gain, Clamped(observer)
+    c, d = jnp.clip(state.c, *C2), jnp.clip(state.d, *C2_C3)
+    stiffness = jnp.clip(state.w2 - state.c / gain * state.w1, range_of.low, range_of.high)
+    return state._replace(c=c, d=d, w2=stiffness + c / gain * state.w1)
 
 
 def figures_of(ride: Ride, axle: int) -> dict[str, Any]:

@@ -14,7 +14,7 @@ from tuning.controllers.recipes import car_sets
 from tuning.core.figures import save
 from tuning.core.report import Report
 from tuning.vehicle import figures
-from tuning.vehicle.distances import distances
+from tuning.vehicle.distances import CHANGING, distances
 from tuning.vehicle.scenario import Ride, figures_of, ride, scenario_loop
 
 UNBIASED = {"bias_drift": 1e-4, "bias_deviation": 0.05, "rim_noise": 1.0}
@@ -33,6 +33,7 @@ def study(out: Path) -> Iterator[Report]:
     for car in shipped_cars():
         for laden in (False, True):
             yield cars(car, laden)
+            yield changing(car, laden)
 
 
 def scenario(out: Path) -> Report:
@@ -61,4 +62,11 @@ def cars(car: str, laden: bool) -> Report:
     """Distances of a car over its ideal, every controller."""
     rows = [found.row() for found in distances(car, laden, ROADS, SPEEDS_KMH)]
     name = f"distances {car} {'laden' if laden else 'unladen'}"
+    return Report({f"{name}: from the pedal to 15 km/h, over the ideal of the car": rows}, [], [])
+
+
+def changing(car: str, laden: bool) -> Report:
+    """The same of five phases where the road changes along the way."""
+    rows = [found.row() for found in distances(car, laden, CHANGING, SPEEDS_KMH, ("five_phase",))]
+    name = f"roads that change {car} {'laden' if laden else 'unladen'}"
     return Report({f"{name}: from the pedal to 15 km/h, over the ideal of the car": rows}, [], [])
