@@ -85,8 +85,10 @@ def attack(kind, lanes: int, seed: int, step: float) -> dict:
     scale, slope = scales[lane, best], np.asarray(slope)
     every = np.stack([distances[..., 0] - at, at - distances[..., 1]]) / WIDTHS
     gap = np.maximum(np.abs(every[0] - every[1]) - ROUNDING * at / WIDTHS, 0.0)
-    # What is curved has sides that approach each other with the width; at a kink they stay apart.
-    kinked = (gap[lane, best] > KINK * scale) & (gap[lane, best + 1] > 0.5 * gap[lane, best])
+    # What is curved has sides that approach each other with the width; at a kink they stay apart. Where the distance in
+    # the middle is off by what a landing may be, they part the more the less the width.
+    stays = (gap[lane, best + 1] > 0.5 * gap[lane, best]) & (gap[lane, best + 1] < 2 * gap[lane, best])
+    kinked = (gap[lane, best] > KINK * scale) & stays
     sides = np.abs(slope - every[:, lane, best + 1]).min(axis=0)
     off = np.where(kinked, sides, np.abs(slope - differences[lane, best])) / scale
     grazed, agrees = np.asarray(result.rollout.grazes) > 0, spread.min(axis=1) <= AGREE
