@@ -69,7 +69,8 @@ def found(record: Record, description, folder: Path) -> Identification | None:
     path = folder / "log.csv"
     record.write_csv(path)
     try:
-        return identify(read_log(path, radius=RADIUS), car_of(record, description))
+        car = car_of(record, description)
+        return identify(read_log(path, radius=RADIUS, stated=car.stated), car)
     except LogError as refusal:
         print(f"refused: {refusal}")
         return None

@@ -67,12 +67,20 @@ def test_every_braking_of_a_drive_has_its_road(tmp_path, monkeypatch):
         assert braking.result.verdict == "sound"
         assert segment.peak_friction == pytest.approx(surface.peak_friction, rel=0.01)
         assert segment.peak_slip == pytest.approx(surface.peak_slip, abs=0.005)
-    monkeypatch.setattr("tuning.road.drive.identification_figures", lambda result, log, car, folder: [folder])
+    titles = []
+
+    def figures(result, log, car, folder, shown):
+        titles.append(shown)
+        return [folder]
+
+    monkeypatch.setattr("tuning.road.drive.identification_figures", figures)
     report = drive_report(found, refused, Car(), tmp_path / "out")
     (rows,) = (table for title, table in report.tables.items() if "friction" in title)
     assert [row["braking"] for row in rows] == ["1", "2"] and report.verdict == "sound"
     assert any("braking 3 tells no road" in line for line in report.lines)
     assert [path.name for path in report.files] == ["result.json", "braking_1", "braking_2"]
+    for number, (title, log) in enumerate(zip(titles, logs), 1):
+        assert title == f"drive.csv, braking {number}, {log.time[0]:.2f} to {log.time[-1]:.2f} s"
     with pytest.raises(LogError, match="1 brakings, and none tells a road; braking 3: a gap"):
         identify_brakings([gone], Car(), "burckhardt", progress=lambda said: None)
 

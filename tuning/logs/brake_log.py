@@ -22,6 +22,7 @@ from tuning.logs.recording import LogError
 from tuning.logs.remarks import doubts_on, notes_on
 from tuning.logs.signals import signals_of
 from tuning.logs.signs import turned
+from tuning.logs.stated import NOTHING, Stated, zero_of
 from tuning.logs.tables import read_recording
 
 __all__ = ["COLUMNS", "BrakeLog", "Reading", "parse_columns", "read_log", "reading"]
@@ -104,6 +105,7 @@ def read_log(
     start: float | None = None,
     end: float | None = None,
     radius: float = 0.3,
+    stated: Stated = NOTHING,
     edges: EdgeStudy | None = None,
 ) -> BrakeLog:
     """Read and check a brake log.
@@ -114,12 +116,14 @@ def read_log(
         start: of the window of time to use [s].
         end: of that window [s].
         radius: wheel radius [m], for speeds of the rim, and the test whether wheel and vehicle speed agree.
+        stated: what the car file states of zeros and delays (`tuning.logs.car.Car.stated`): signs and units are judged
+            without them.
         edges: of the wheel, on the log's clock; its speed is then made of them, whatever the log has.
 
     Raises:
         LogError: naming file, column and row of whatever keeps the log from being used.
     """
-    return reading(path, columns, start=start, end=end, radius=radius, edges=edges).log
+    return reading(path, columns, start=start, end=end, radius=radius, stated=stated, edges=edges).log
 
 
 def reading(
@@ -129,13 +133,14 @@ def reading(
     start: float | None = None,
     end: float | None = None,
     radius: float = 0.3,
+    stated: Stated = NOTHING,
     edges: EdgeStudy | None = None,
 ) -> Reading:
     """`read_log`, with what it was made of."""
     path = Path(path)
-    whole = _on_grid(path, columns, start, end, radius, edges)
-    log = _agreeing(path, whole.sources, _moving(path, whole.log), radius)
-    windows = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in _brakings(whole.log))
+    whole = _on_grid(path, columns, start, end, radius, stated, edges)
+    log = _agreeing(path, whole.sources, _moving(path, whole.log), radius, stated)
+    windows = ", ".join(f"{a:.2f} to {b:.2f} s" for a, b in _brakings(whole.log, stated))
     notes = (*log.notes, f"somebody brakes after speeding up: {windows}") if windows else log.notes
     return whole._replace(log=dataclasses.replace(log, notes=notes))
 
@@ -147,6 +152,7 @@ def read_brakings(
     start: float | None = None,
     end: float | None = None,
     radius: float = 0.3,
+    stated: Stated = NOTHING,
     edges: EdgeStudy | None = None,
 ) -> list[BrakeLog | LogError]:
     """Read a log that may hold several brakings: the log of each, or why it cannot be used.
@@ -159,34 +165,36 @@ def read_brakings(
         start: of the window of time to use [s].
         end: of that window [s].
         radius: of the wheel [m].
+        stated: as for `read_log`.
         edges: of the wheel, if its speed is made of them.
 
     Raises:
         LogError: as `read_log`.
     """
     path = Path(path)
-    whole = _on_grid(path, columns, start, end, radius, edges)
-    windows = _brakings(whole.log)
+    whole = _on_grid(path, columns, start, end, radius, stated, edges)
+    windows = _brakings(whole.log, stated)
     if not windows:
-        return [_agreeing(path, whole.sources, _moving(path, whole.log), radius)]
+        return [_agreeing(path, whole.sources, _moving(path, whole.log), radius, stated)]
     found: list[BrakeLog | LogError] = []
     for window in windows:
         try:
-            found.append(_agreeing(path, whole.sources, _moving(path, whole.log.window(*window)), radius))
+            found.append(_agreeing(path, whole.sources, _moving(path, whole.log.window(*window)), radius, stated))
         except LogError as error:
             found.append(error)
     return found
 
 
-def _brakings(log: BrakeLog) -> list[Window]:
+def _brakings(log: BrakeLog, stated: Stated) -> list[Window]:
     """Those of a drive; none of a log of measured force, as of a rig."""
     if log.force is not None:
         return []
     shortest = FEWEST_SAMPLES * log.period
-    return brakings(log.time, log.vehicle_speed, log.acceleration, slowest=SLOWEST, shortest=shortest)
+    rate = None if log.acceleration is None else log.acceleration - zero_of("acceleration", stated).value
+    return brakings(log.time, log.vehicle_speed, rate, slowest=SLOWEST, shortest=shortest)
 
 
-def _on_grid(path: Path, columns, start, end, radius: float, edges: EdgeStudy | None) -> Reading:
+def _on_grid(path: Path, columns, start, end, radius: float, stated: Stated, edges: EdgeStudy | None) -> Reading:
     """The whole log, at rest and in motion."""
     recording = read_recording(path)
     columns = dict(columns or {})
@@ -199,9 +207,11 @@ def _on_grid(path: Path, columns, start, end, radius: float, edges: EdgeStudy | 
     signals, empty = _filled(path, signals)
     _check_size(path, sources, signals)
     signals = _windowed(path, signals, start, end)
-    signals, signs = turned(signals, {name for name, source in sources.items() if source.choice.sign}, radius)
-    check_values(path, signals)
-    qualities = [quality_of(signal.name, signal.time, signal.values) for signal in signals]
+    signals, signs = turned(signals, {name for name, source in sources.items() if source.choice.sign}, radius, stated)
+    check_values(path, signals, stated)
+    qualities = [
+        quality_of(signal.name, signal.time, signal.values, zero_of(signal.name, stated)) for signal in signals
+    ]
     for signal, quality in zip(signals, qualities):
         gaps_of(path, signal, quality.taken)
     grid = grid_of(signals, qualities)
@@ -219,8 +229,8 @@ def _on_grid(path: Path, columns, start, end, radius: float, edges: EdgeStudy | 
     return Reading(log, sources, signals, qualities)
 
 
-def _agreeing(path: Path, sources: Mapping[str, Source], log: BrakeLog, radius: float) -> BrakeLog:
-    doubts = check_agreement(path, sources, log, radius)
+def _agreeing(path: Path, sources: Mapping[str, Source], log: BrakeLog, radius: float, stated: Stated) -> BrakeLog:
+    doubts = check_agreement(path, sources, log, radius, stated)
     return dataclasses.replace(log, doubts=(*log.doubts, *doubts))
 
 

@@ -95,6 +95,11 @@ class Car:
         """What is known of every quantity."""
         return priors_of(self.wheel, self.spreads, self.values)
 
+    @property
+    def stated(self) -> dict[str, Prior]:
+        """What the file says of zeros and delays, and of what it says how well it is known."""
+        return {name: prior for name, prior in self.priors.items() if name in self.values or name in self.spreads}
+
 
 PLACES = ("wheelbase", "cg_height", "cg_to_front")
 

@@ -1,5 +1,6 @@
 """What is refused: values that are not plausible in their unit, and signals that do not agree with each other."""
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import numpy as np
 from tuning.logs.channel_map import Source
 from tuning.logs.grid import Signal
 from tuning.logs.recording import LogError
+from tuning.logs.stated import Stated, within, zero_of
 from tuning.logs.units import Unit, unit_of
 
 LARGEST = {
@@ -29,14 +31,21 @@ SLOWEST_SAMPLING, FASTEST_SAMPLING = 0.05, 1e-5
 """Sampling periods that can be used [s]."""
 
 
-def check_values(path: Path, signals: Sequence[Signal]) -> None:
+def check_values(path: Path, signals: Sequence[Signal], stated: Stated) -> None:
     """Refuse what no sensor of a car or rig tells.
+
+    Args:
+        path: of the log.
+        signals: in the project's units and signs.
+        stated: what the car file states; signs are judged without the zeros.
 
     Raises:
         LogError: naming file, column and row.
     """
     for signal in signals:
         name, values = signal.name, signal.values
+        zero = zero_of(name, stated)
+        middle = float(np.median(values)) - zero.value
         largest, unit, other = LARGEST[name]
         if np.abs(values).max() > largest:
             at = int(np.argmax(np.abs(values)))
@@ -55,11 +64,12 @@ def check_values(path: Path, signals: Sequence[Signal]) -> None:
                 f"{path}, column {signal.channel.name!r}: {name} never changes from {values[0]:g}; "
                 f"is the sensor connected? {name}= leaves it out"
             )
-        if name == "brake_pressure" and np.median(values) < 0:
+        if name == "brake_pressure" and middle < -zero.within:
             raise LogError(
-                f"{path}, column {signal.channel.name!r}: mostly negative; braking pressure must be positive"
+                f"{path}, column {signal.channel.name!r}: mostly negative; braking pressure must be positive. "
+                "If its zero is off, the car file can state it as pressure_zero"
             )
-        if name in ("force", "acceleration") and np.median(values) > max(0, np.std(values)):
+        if name in ("force", "acceleration") and middle > zero.within + np.std(values):
             raise LogError(
                 f"{path}, column {signal.channel.name!r}: mostly positive; {name} must be negative while braking"
             )
@@ -96,13 +106,15 @@ def rolling_ratio(log, radius: float) -> float:
     return float(np.quantile(ratio, 0.95))
 
 
-def check_agreement(path: Path, sources: Mapping[str, Source], log, radius: float) -> list[str]:
+def check_agreement(path: Path, sources: Mapping[str, Source], log, radius: float, stated: Stated) -> list[str]:
     """Refuse units that are wrong without being implausible by themselves.
 
     Args:
         sources: of the signals.
         log: a `tuning.logs.brake_log.BrakeLog`.
         radius: of the wheel [m].
+        stated: what the car file states: zero of the acceleration, delay of the vehicle's speed, and how well the
+            radius is known.
 
     Returns:
         What is doubtful.
@@ -112,10 +124,14 @@ def check_agreement(path: Path, sources: Mapping[str, Source], log, radius: floa
     """
     doubts = []
     columns = {name: source.channel.name for name, source in sources.items()}
+    if "speed_delay" in stated:
+        now = np.interp(log.time + stated["speed_delay"].value, log.time, log.vehicle_speed)
+        log = dataclasses.replace(log, vehicle_speed=now)
+    well, off = (max(least, within("radius", stated) / radius) for least in (WELL, OFF))
     rolling = rolling_ratio(log, radius)
     top = float(np.quantile(radius * log.wheel_speed / log.vehicle_speed, 0.99))
-    fitting = [] if abs(rolling - 1) < WELL else list(_fitting(sources, rolling, radius))
-    if not 0.5 < top < 1.6 or (fitting and abs(rolling - 1) > OFF):
+    fitting = [] if abs(rolling - 1) < well else list(_fitting(sources, rolling, radius))
+    if not 0.5 < top < 1.6 or (fitting and abs(rolling - 1) > off):
         hint = "one of them is in another unit, or the radius is wrong"
         if fitting:
             hint = "; ".join(f"it would be {ratio:.3f} with {name}={columns[name]}:{u}" for name, u, ratio in fitting)
@@ -123,15 +139,17 @@ def check_agreement(path: Path, sources: Mapping[str, Source], log, radius: floa
             f"{path}, columns {columns['wheel_speed']!r} and {columns['vehicle_speed']!r}: a rolling wheel "
             f"of radius {radius:g} m would have R w / v near 1, here it is {rolling if fitting else top:.3g}; {hint}"
         )
-    if rolling > 1 + WELL:  # below 1 it may be slip
+    if rolling > 1 + well:  # below 1 it may be slip
         doubts.append(
             f"wheel_speed, vehicle_speed: while the wheel rolls R w / v is {rolling:.3f}, above 1; "
             f"the radius of {radius:g} m or one of the speeds is off"
         )
     if log.acceleration is not None:
         lost = log.vehicle_speed[0] - log.vehicle_speed[-1]
-        integral = -np.trapezoid(log.acceleration, log.time)
-        if lost > 3 and not 0.5 < integral / lost < 2:
+        zero, lasts = zero_of("acceleration", stated), log.time[-1] - log.time[0]
+        integral = -np.trapezoid(log.acceleration - zero.value, log.time)
+        slack = zero.within * lasts
+        if lost > 3 and not 0.5 * lost - slack < integral < 2 * lost + slack:
             raise LogError(
                 f"{path}, column {columns['acceleration']!r}: it integrates to {integral:.3g} m/s where the vehicle "
                 f"lost {lost:.3g} m/s; is it in g?"

@@ -5,13 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from absjax.plant.wheel import Wheel
 from tuning.core.figures import save
 from tuning.core.files import write_json
 from tuning.core.report import Report
 from tuning.core.version import VERSION
 from tuning.logs.brake_log import Reading, reading
-from tuning.logs.car import read_car
+from tuning.logs.car import Car, read_car
 from tuning.logs.channel_map import declarations
 from tuning.logs.figures import description_figure
 from tuning.logs.grid import timing_of
@@ -32,8 +31,9 @@ def described(
     Raises:
         LogError: if the log cannot be used, or a declaration.
     """
-    radius = float((Wheel() if car is None else read_car(car).wheel).radius)
-    found = reading(log, declarations(columns, channels), start=start, end=end, radius=radius)
+    known = Car() if car is None else read_car(car)
+    radius = float(known.wheel.radius)
+    found = reading(log, declarations(columns, channels), start=start, end=end, radius=radius, stated=known.stated)
     result = description(found)
     files = [
         write_json(out / "result.json", {**result, "version": VERSION}),

@@ -10,6 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from tuning.logs.stated import AT_ZERO, Zero
+
 FEWEST_CHANGES = 8
 """Changes from which a period of holding is concluded."""
 STILL = 8
@@ -54,13 +56,14 @@ def runs_of(values: np.ndarray) -> Runs:
     return Runs(first, np.diff(np.append(first, len(values))))
 
 
-def quality_of(signal: str, time: np.ndarray, values: np.ndarray) -> Quality:
+def quality_of(signal: str, time: np.ndarray, values: np.ndarray, zero: Zero = AT_ZERO) -> Quality:
     """What the samples of a signal are worth.
 
     Args:
         signal: name of the signal; some may stand still: a locked wheel, a brake that is not pressed.
         time: of the samples [s].
         values: of the samples.
+        zero: where the signal may stand still.
     """
     held = hold_length(values)
     taken = held_points(values, held)
@@ -73,7 +76,7 @@ def quality_of(signal: str, time: np.ndarray, values: np.ndarray) -> Quality:
     spikes = _spikes(told)
     kept[spikes] = False
     step, noise = lattice(told[kept]), noise_of(told[kept])
-    clipped, stuck = _still(signal, told, kept)
+    clipped, stuck = _still(signal, told, kept, zero)
     true = kept & ~np.isin(told, clipped)
     for first, last in stuck:
         true[first + 1 : last + 1] = False
@@ -168,7 +171,7 @@ def _noisy(values: np.ndarray, first: int, last: int) -> bool:
     return bool(turned.size and np.median(size) > 1.5 * size.min() and np.mean(turned < 0) > 0.5)
 
 
-def _still(signal: str, values: np.ndarray, kept: np.ndarray):
+def _still(signal: str, values: np.ndarray, kept: np.ndarray, zero: Zero):
     """Values at which a signal is clipped, and stretches in which it is stuck.
 
     Without noise a signal may stand still by itself; then only a jump at the end shows that it was stuck.
@@ -185,7 +188,7 @@ def _still(signal: str, values: np.ndarray, kept: np.ndarray):
     for i in long:
         first, last = int(runs.first[i]), int(runs.first[i] + runs.length[i] - 1)
         level = float(values[first])
-        if not kept[first] or _at_rest(signal, level, lowest, highest, first == 0 or last == len(values) - 1):
+        if not kept[first] or _at_rest(signal, level, lowest, highest, zero, first == 0 or last == len(values) - 1):
             continue
         noisy = _noisy(values, first, last)
         if noisy and level in (lowest, highest):
@@ -195,11 +198,12 @@ def _still(signal: str, values: np.ndarray, kept: np.ndarray):
     return tuple(sorted(clipped)), tuple(stuck)
 
 
-def _at_rest(signal: str, level: float, lowest: float, highest: float, at_the_end: bool) -> bool:
+def _at_rest(signal: str, level: float, lowest: float, highest: float, zero: Zero, at_the_end: bool) -> bool:
     """Whether a signal may stand still there: a locked wheel, a brake not pressed, a car that is not braked."""
     if signal == "wheel_speed":
         return level <= 0.01 * highest
-    near_zero = abs(level) <= 0.02 * max(abs(lowest), abs(highest))
+    span = max(abs(lowest - zero.value), abs(highest - zero.value))
+    near_zero = abs(level - zero.value) <= 0.02 * span + zero.within
     return near_zero and (signal in ("brake_pressure", "vehicle_speed") or at_the_end)
 
 

@@ -21,7 +21,7 @@ from tuning.core.files import data_folder, write_json
 from tuning.core.journal import Journal
 from tuning.core.report import Report
 from tuning.logs.brake_log import BrakeLog, parse_columns, read_log
-from tuning.logs.car import car_of, read_car
+from tuning.logs.car import Car, car_of, read_car
 from tuning.logs.tables import LogError
 from tuning.observers import curves, figures, singular
 from tuning.observers.bench import Bench, log_bench
@@ -122,8 +122,9 @@ def log_bench_of(config: ObserverConfig, path: Path, columns: str | None, car: P
         LogError: if the log has no force, or is too short to tune on one part and judge on the rest.
     """
     car = car_of(path, car)
-    wheel = Wheel() if car is None else read_car(car).wheel
-    log = read_log(path, parse_columns(columns), radius=float(wheel.radius))
+    known = Car() if car is None else read_car(car)
+    wheel = known.wheel
+    log = read_log(path, parse_columns(columns), radius=float(wheel.radius), stated=known.stated)
     if log.force is None:
         raise LogError(f"{path}: no longitudinal force; XBS cannot be known without it")
     cut = log.time[0] + LOG_SHARE * (log.time[-1] - log.time[0])

@@ -85,8 +85,9 @@ def identified(
     wheel = known.wheel
     say(f"car: {car or 'default wheel'}, load {float(wheel.load):g} N, radius {float(wheel.radius):g} m")
     radius = float(wheel.radius)
-    logs = read_brakings(log, declarations(columns, channels), start=start, end=end, radius=radius, edges=edges)
-    others = [read_log(path, declarations(columns, channels), radius=radius) for path in beside]
+    declared, stated = declarations(columns, channels), known.stated
+    logs = read_brakings(log, declared, start=start, end=end, radius=radius, stated=stated, edges=edges)
+    others = [read_log(path, declared, radius=radius, stated=stated) for path in beside]
 
     def progress(text):
         say(f"  {text}")

@@ -1,6 +1,7 @@
 """What a log says before any curve is fitted: whether it brakes, how the load goes, what a rolling wheel tells."""
 
 import dataclasses
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -64,25 +65,34 @@ class Start:
         return dataclasses.replace(car.wheel, radius=self.values["radius"])
 
 
-def deceleration_of(log: BrakeLog, window: float = CALM) -> np.ndarray:
-    """Deceleration over a window [s], in m/s^2, (samples,), positive while braking."""
+def deceleration_of(log: BrakeLog, car: Car) -> np.ndarray:
+    """Deceleration by the tyres over `CALM`, in m/s^2, (samples,), positive while braking.
+
+    The bias of the accelerometer is taken out, or the slope of the road, as the car file has it.
+    """
     if log.acceleration is not None:
-        width = max(1, round(window / log.period))
-        padded = np.pad(log.acceleration, (width // 2, width - 1 - width // 2), mode="edge")
+        width = max(1, round(CALM / log.period))
+        padded = np.pad(_felt(log, car), (width // 2, width - 1 - width // 2), mode="edge")
         return -np.convolve(padded, np.ones(width) / width, "valid")
-    return -rate_of(log, log.vehicle_speed, smoothing=3 * CALM)
+    return GRAVITY * car.priors["slope"].value - rate_of(log, log.vehicle_speed, smoothing=3 * CALM)
 
 
-def require_braking(log: BrakeLog, radius: float) -> None:
+def _felt(log: BrakeLog, car: Car) -> np.ndarray:
+    """The measured acceleration without the bias that the car file states."""
+    assert log.acceleration is not None
+    return log.acceleration - car.priors["acceleration_bias"].value
+
+
+def require_braking(log: BrakeLog, car: Car) -> None:
     """Check that somebody brakes.
 
     Raises:
         LogError: if neither deceleration nor slip is that of braking.
     """
-    ratio = radius * log.wheel_speed / log.vehicle_speed - 1
+    ratio = float(car.wheel.radius) * log.wheel_speed / log.vehicle_speed - 1
     slip = float(np.quantile(ratio, 0.995) - np.quantile(ratio, 0.005))
     largest = float(np.quantile(np.abs(ratio), 0.999))
-    strongest = float(np.quantile(deceleration_of(log), 0.99))
+    strongest = float(np.quantile(deceleration_of(log, car), 0.99))
     rolls = slip < LEAST_RANGE and (is_rig(log) or strongest < LEAST_DECELERATION)
     weak = strongest < LEAST_DECELERATION and not (is_rig(log) and slip >= LEAST_RANGE)
     if rolls or weak or largest < LEAST_SLIP:
@@ -105,7 +115,7 @@ def load_share(log: BrakeLog, car: Car) -> tuple[np.ndarray | None, bool]:
     ):
         return log.load / float(car.wheel.load), False
     if car.axle is not None:
-        felt = rate_of(log, log.vehicle_speed) if log.acceleration is None else log.acceleration
+        felt = rate_of(log, log.vehicle_speed) if log.acceleration is None else _felt(log, car)
         return car.axle.load_share(felt), True
     return (np.ones(len(log.time)) if is_rig(log) else None), False
 
@@ -113,44 +123,53 @@ def load_share(log: BrakeLog, car: Car) -> tuple[np.ndarray | None, bool]:
 def begin(log: BrakeLog, car: Car) -> Start:
     """Delay and course of the vehicle's speed, and radius and pressure zero while the wheel rolls freely."""
     notes, values = [], {name: prior.value for name, prior in car.priors.items()}
-    motion = None if is_rig(log) else motion_of(log)
+    motion = None if is_rig(log) else motion_of(log, car)
     slow = motion is not None and interval_of(log, "vehicle_speed") > SLOW
+    delay = values["speed_delay"]
     if motion is not None:
         late = abs(motion.delay) > max(SIGNIFICANT * motion.delay_spread, 2 * log.period)
-        if slow:
-            values["speed_delay"] = motion.delay
-            at = np.zeros(len(log.time), bool)
-            at[:: max(1, round(REFRESHED / log.period))] = True
-            log = _with_speed(log, motion.speed, at)
-            notes.append("the vehicle's speed between its measurements comes from the acceleration")
-        elif late:
-            shift = round(motion.delay / log.period)
-            values["speed_delay"] = shift * log.period
-            at = np.roll(measured(log, "vehicle_speed"), -shift)
-            at[len(at) - max(shift, 0) :] = False
-            at[: max(-shift, 0)] = False
-            moved = np.clip(np.arange(len(at)) + shift, 0, len(at) - 1)
-            log = _with_speed(log, log.vehicle_speed[moved], at)
-    rolling = np.abs(deceleration_of(log)) < ROLLING
+        delay = motion.delay if late or slow or "speed_delay" in car.stated else delay
+    if slow and motion is not None:
+        values["speed_delay"] = delay
+        at = np.zeros(len(log.time), bool)
+        at[:: max(1, round(REFRESHED / log.period))] = True
+        log = _with_speed(log, motion.speed, at)
+        notes.append("the vehicle's speed between its measurements comes from the acceleration")
+    else:
+        shift = round(delay / log.period)
+        values["speed_delay"], log = shift * log.period, _advanced(log, shift)
+    rolling = np.abs(deceleration_of(log, car)) < ROLLING
     rolling &= np.cumsum(~rolling) == 0
     if rolling.sum() >= FEWEST_ROLLING and not is_rig(log):
-        values["radius"] = float(np.median(log.vehicle_speed[rolling] / log.wheel_speed[rolling]))
+        free_rolling = {"radius": float(np.median(log.vehicle_speed[rolling] / log.wheel_speed[rolling]))}
         if log.brake_pressure is not None:
-            values["pressure_zero"] = float(np.median(log.brake_pressure[rolling]))
+            free_rolling["pressure_zero"] = float(np.median(log.brake_pressure[rolling]))
+        values |= _uncertain(free_rolling, car)
     rest = None
     if rolling.sum() >= FEWEST_ROLLING and log.brake_pressure is not None and not is_rig(log):
-        rest = _at_rest(log, dataclasses.replace(car.wheel, radius=values["radius"]), rolling, motion)
+        rest = _at_rest(
+            log,
+            dataclasses.replace(car, wheel=dataclasses.replace(car.wheel, radius=values["radius"])),
+            rolling,
+            motion,
+        )
     share, transferred = load_share(log, car)
     if not transferred:
         values["load_lag"] = 0.0
     elif car.priors["load_lag"].spread > 0 and values["load_lag"] == 0:
         values["load_lag"] = LOAD_LAG
     if share is None and log.acceleration is not None and log.brake_pressure is not None:
-        values |= _brake(log, dataclasses.replace(car.wheel, radius=values["radius"]))
+        wheel = dataclasses.replace(car.wheel, radius=values["radius"])
+        values |= _uncertain(_brake(log, wheel, _felt(log, car)), car)
     return Start(log, share, transferred, values, rest, motion, slow, notes)
 
 
-def _at_rest(log: BrakeLog, wheel: Wheel, rolling: np.ndarray, motion: Motion | None) -> Prior | None:
+def _uncertain(values: Mapping[str, float], car: Car) -> dict[str, float]:
+    """Those of some values that the car file does not have for certain."""
+    return {name: value for name, value in values.items() if car.priors[name].spread > 0}
+
+
+def _at_rest(log: BrakeLog, car: Car, rolling: np.ndarray, motion: Motion | None) -> Prior | None:
     """Zero of the pressure by the samples before it rises: P + R Fz a / (g gamma_b), a bias of a not known."""
     assert log.brake_pressure is not None
     pressure, level = log.brake_pressure, noise_of(log, "brake_pressure", rolling)
@@ -158,7 +177,7 @@ def _at_rest(log: BrakeLog, wheel: Wheel, rolling: np.ndarray, motion: Motion | 
     before = rolling & (np.cumsum(risen) == 0)
     if before.sum() < FEWEST_ROLLING:
         return None
-    rate = -deceleration_of(log) if log.acceleration is None else log.acceleration
+    rate, wheel = -deceleration_of(log, car) if log.acceleration is None else _felt(log, car), car.wheel
     bias = ROLLING / 2 if motion is None else float(np.hypot(*motion.bias))
     per_acceleration = float(wheel.radius * wheel.load / (GRAVITY * wheel.brake_efficiency))
     zeros = pressure[before] + per_acceleration * rate[before]
@@ -166,10 +185,10 @@ def _at_rest(log: BrakeLog, wheel: Wheel, rolling: np.ndarray, motion: Motion | 
     return Prior(float(np.mean(zeros)), float(np.hypot(spread, LEAST_SPREAD)), False)
 
 
-def _brake(log: BrakeLog, wheel: Wheel) -> dict[str, float]:
+def _brake(log: BrakeLog, wheel: Wheel, felt: np.ndarray) -> dict[str, float]:
     """About what brake efficiency and pressure zero are: J w' + R Fz a / g = -gamma_b (P - P_0), by least squares."""
-    assert log.acceleration is not None and log.brake_pressure is not None
-    friction = float(wheel.radius) * float(wheel.load) * log.acceleration / GRAVITY
+    assert log.brake_pressure is not None
+    friction = float(wheel.radius) * float(wheel.load) * felt / GRAVITY
     torque = -(float(wheel.inertia) * rate_of(log, log.wheel_speed) + friction)
     columns = np.stack([log.brake_pressure, np.ones(len(log.time))], axis=1)
     efficiency, offset = np.linalg.lstsq(columns, torque, rcond=None)[0]
@@ -177,6 +196,17 @@ def _brake(log: BrakeLog, wheel: Wheel) -> dict[str, float]:
     if not low < efficiency < high:
         return {}
     return {"brake_efficiency": float(efficiency), "pressure_zero": float(-offset / efficiency)}
+
+
+def _advanced(log: BrakeLog, shift: int) -> BrakeLog:
+    """The vehicle's speed earlier by some samples; what it has not told, at an end, is not measured."""
+    if shift == 0:
+        return log
+    at = np.roll(measured(log, "vehicle_speed"), -shift)
+    at[len(at) - max(shift, 0) :] = False
+    at[: max(-shift, 0)] = False
+    moved = np.clip(np.arange(len(at)) + shift, 0, len(at) - 1)
+    return _with_speed(log, log.vehicle_speed[moved], at)
 
 
 def _with_speed(log: BrakeLog, speed: np.ndarray, at: np.ndarray) -> BrakeLog:

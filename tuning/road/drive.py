@@ -68,7 +68,8 @@ def drive_report(found: Sequence[Braking], refused: dict[int, str], car: Car, ou
         reasons += [f"braking {number}: {said}" for said in result.reasons]
         folder = out / f"braking_{number}"
         folder.mkdir(parents=True, exist_ok=True)
-        files += identification_figures(result, log, car, folder)
+        shown = f"{log.name}, braking {number}, {log.time[0]:.2f} to {log.time[-1]:.2f} s"
+        files += identification_figures(result, log, car, folder, shown)
     name = found[0].log.name
     tables = {f"the road's friction curve, +- 95 %: {name}": rows}
     if quantities:

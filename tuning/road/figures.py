@@ -15,15 +15,26 @@ from tuning.road.curve import Curve
 from tuning.road.identify import Z95, Identification, Segment
 
 
-def identification_figures(result: Identification, log: BrakeLog, car: Car | Wheel, folder: Path) -> list[Path]:
-    """Friction curves with data and confidence bands; the log with its surfaces."""
+def identification_figures(
+    result: Identification, log: BrakeLog, car: Car | Wheel, folder: Path, shown: str | None = None
+) -> list[Path]:
+    """Friction curves with data and confidence bands; the log with its surfaces.
+
+    Args:
+        result: the road.
+        log: it was identified from.
+        car: what was known of it.
+        folder: for the figures.
+        shown: what they show, for their titles; the log's name where not given.
+    """
+    shown = shown or result.log
     return [
-        save(friction_figure(result, log, car), folder / "friction_curve.png"),
-        save(log_figure(result, log, car), folder / "log.png"),
+        save(friction_figure(result, log, car, shown), folder / "friction_curve.png"),
+        save(log_figure(result, log, car, shown), folder / "log.png"),
     ]
 
 
-def friction_figure(result: Identification, log: BrakeLog, car: Car | Wheel):
+def friction_figure(result: Identification, log: BrakeLog, car: Car | Wheel, shown: str):
     """The friction curve of every surface with its data, 95 % band and peak."""
     samples = result.samples(log, car)[1]
     figure, axes = plt.subplots(figsize=(8, 5))
@@ -51,9 +62,7 @@ def friction_figure(result: Identification, log: BrakeLog, car: Car | Wheel):
             capsize=3,
         )
     axes.set(xlabel="slip magnitude |λ|", ylabel="friction |μ|", xlim=(0, None), ylim=(0, None))
-    axes.set_title(
-        f"{result.log}: friction from {samples.source}, curve, 95 % band and peak. Verdict: {result.verdict}"
-    )
+    axes.set_title(f"{shown}: friction from {samples.source},\ncurve, 95 % band and peak. Verdict: {result.verdict}")
     axes.legend(loc="lower right", fontsize="small")
     axes.grid(alpha=0.3)
     return figure
@@ -73,7 +82,7 @@ def _band(segment: Segment, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(friction(c)), Z95 * np.sqrt(np.maximum(variance, 0))
 
 
-def log_figure(result: Identification, log: BrakeLog, car: Car | Wheel):
+def log_figure(result: Identification, log: BrakeLog, car: Car | Wheel, shown: str):
     """Speeds, pressure and friction against time, surfaces shaded."""
     log, samples = result.samples(log, car)
     figure, axes = plt.subplots(3, 1, figsize=(9, 7), sharex=True, layout="constrained")
@@ -100,5 +109,5 @@ def log_figure(result: Identification, log: BrakeLog, car: Car | Wheel):
     axes[2].legend(fontsize="small", loc="lower right")
     for axis in axes:
         axis.grid(alpha=0.3)
-    figure.suptitle(f"{result.log}: {len(result.segments)} surface(s). Verdict: {result.verdict}")
+    figure.suptitle(f"{shown}: {len(result.segments)} surface(s). Verdict: {result.verdict}")
     return figure

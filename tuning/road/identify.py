@@ -167,7 +167,7 @@ class Case(NamedTuple):
         """Check a log, and see what it says before any fit; errors are those of `identify`."""
         curve = Curve(component("tyre", kind, TYRES, Tyre))
         _check_uniform(log)
-        conditions.require_braking(log, float(car.wheel.radius))
+        conditions.require_braking(log, car)
         return cls(log, car, kind, curve, conditions.begin(log, car))
 
     @property

@@ -147,7 +147,9 @@ def _prior(problem: Shooting, surfaces: int, start: Start, car: Car, free: froze
     """Nothing of the coefficients; of the car's quantities what is known, those not free fixed."""
     size, priors = len(problem.curve.names), car.priors
     means = {name: priors[name].value for name in CAR}
-    means["speed_delay"] = means["speed_delay"] - start.values["speed_delay"] if "speed_delay" in free else 0.0
+    means["speed_delay"] = means["speed_delay"] - start.values["speed_delay"]
+    if "speed_delay" not in free and priors["speed_delay"].spread > 0:
+        means["speed_delay"] = 0.0
     if not start.transferred:
         means["load_lag"] = 0.0
     spreads = [priors[name].spread if name in free else 0.0 for name in CAR]

@@ -40,7 +40,7 @@ def judged(log: BrakeLog, car: Car, start: Start, fitted: Fitted) -> tuple[str, 
             f"{' (force in kN?)' if abs(np.log10(max(share, 1e-9)) + 3) < 0.3 else ''}: "
             "force, pressure, brake efficiency or their zeros are wrong"
         )
-    strongest = float(np.quantile(deceleration_of(log), 0.99)) / GRAVITY
+    strongest = float(np.quantile(deceleration_of(log, car), 0.99)) / GRAVITY
     if fitted.imposed and fitted.method == "output error" and start.motion is not None:
         peak = max(stretch.peak_friction for stretch in fitted.stretches)
         if peak > BEYOND * strongest + 0.05:
