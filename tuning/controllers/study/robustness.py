@@ -115,7 +115,7 @@ def stops(config: TuningConfig, controller: Any, draws: Draws) -> tuple[Stop, np
     sampled, step = nominal.sampled(loop, sensor=sensor)
     ideal = draws.speed / (GRAVITY * np.asarray(draws.tyre.peak().friction))
     horizon = HORIZON_FACTOR * float(ideal.max()) + 1.0
-    stopped = stop(sampled, draws.speed, horizon=horizon, step=step, max_events=120, tile=64)
+    stopped = stop(sampled, draws.speed, horizon=horizon, step=step, max_events=config.max_events, tile=64)
     return stopped, np.asarray(ideal_distance(dataclasses.replace(loop, observer=None), draws.speed, horizon=horizon))
 
 
