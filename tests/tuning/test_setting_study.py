@@ -11,6 +11,7 @@ from tuning.controllers.splits import SplitFigures
 from tuning.controllers.study import by_setting
 from tuning.controllers.study.by_setting import SETTINGS, Judged
 from tuning.controllers.study.descents import passed
+from tuning.controllers.study.running import run_settings
 from tuning.core.box import Box
 from tuning.core.problem import Problem
 
@@ -55,6 +56,16 @@ def test_what_fails_stands_beside_the_mean():
     drawn = by_setting.figure(found)
     assert [axes.get_title() for axes in drawn.axes] == [f"judged: {where.label}" for where in SETTINGS]
     plt.close(drawn)
+
+
+def test_without_a_set_for_the_chain_none_is_judged_in_scattered_stops(monkeypatch, tmp_path):
+    sets = by_setting.contestants("five_phase")
+    monkeypatch.setattr(by_setting, "contestants", lambda _: {label: sets[label] for label in ("untuned", "1 ms")})
+    monkeypatch.setattr(
+        by_setting, "judged", lambda *_: [Judged("five_phase", "1 ms", w.label, FINE) for w in SETTINGS]
+    )
+    (report,) = run_settings(tmp_path, ("five_phase",), 8, 100)
+    assert next(iter(report.tables.values())) == by_setting.table(by_setting.judged())
 
 
 class Slope(Problem):

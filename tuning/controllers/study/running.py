@@ -23,7 +23,7 @@ def run_gradients(out: Path, pairs: int, roads: tuple[str, ...] | None = None) -
 
 
 def run_settings(out: Path, controllers: tuple[str, ...], draws: int, stops: int) -> Iterator[Report]:
-    """Every set in every setting; then scattered stops through the chain."""
+    """Every set in every setting; then scattered stops through the chain, of controllers with a set for it."""
     found = []
     for controller in controllers:
         found += by_setting.judged(controller, by_setting.contestants(controller), draws)
@@ -33,7 +33,11 @@ def run_settings(out: Path, controllers: tuple[str, ...], draws: int, stops: int
     rows = []
     for controller in controllers:
         sets = by_setting.contestants(controller)
-        chosen = {label: sets[label] for label in ("untuned", "truth", "chain") if label in sets}
+        if "chain" not in sets:
+            continue
+        chosen = {label: sets[label] for label in ("untuned", "truth", "chain")}
         rows += by_setting.scattered_rows(controller, by_setting.scattered_stops(controller, chosen, stops))
+    if not rows:
+        return
     title = f"scattered stops through the chain, {stops} in test"
     yield Report({title: rows}, [], [write_csv(rows, out / "tables" / "scattered_stops.csv")])
