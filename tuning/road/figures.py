@@ -27,14 +27,13 @@ def identification_figures(
         folder: for the figures.
         shown: what they show, for their titles; the log's name where not given.
     """
-    shown = shown or result.log
     return [
         save(friction_figure(result, log, car, shown), folder / "friction_curve.png"),
         save(log_figure(result, log, car, shown), folder / "log.png"),
     ]
 
 
-def friction_figure(result: Identification, log: BrakeLog, car: Car | Wheel, shown: str):
+def friction_figure(result: Identification, log: BrakeLog, car: Car | Wheel, shown: str | None = None):
     """The friction curve of every surface with its data, 95 % band and peak."""
     samples = result.samples(log, car)[1]
     figure, axes = plt.subplots(figsize=(8, 5))
@@ -62,7 +61,9 @@ def friction_figure(result: Identification, log: BrakeLog, car: Car | Wheel, sho
             capsize=3,
         )
     axes.set(xlabel="slip magnitude |λ|", ylabel="friction |μ|", xlim=(0, None), ylim=(0, None))
-    axes.set_title(f"{shown}: friction from {samples.source},\ncurve, 95 % band and peak. Verdict: {result.verdict}")
+    axes.set_title(
+        f"{shown or result.log}: friction from {samples.source},\ncurve, 95 % band and peak. Verdict: {result.verdict}"
+    )
     axes.legend(loc="lower right", fontsize="small")
     axes.grid(alpha=0.3)
     return figure
@@ -82,7 +83,7 @@ def _band(segment: Segment, slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.asarray(friction(c)), Z95 * np.sqrt(np.maximum(variance, 0))
 
 
-def log_figure(result: Identification, log: BrakeLog, car: Car | Wheel, shown: str):
+def log_figure(result: Identification, log: BrakeLog, car: Car | Wheel, shown: str | None = None):
     """Speeds, pressure and friction against time, surfaces shaded."""
     log, samples = result.samples(log, car)
     figure, axes = plt.subplots(3, 1, figsize=(9, 7), sharex=True, layout="constrained")
@@ -109,5 +110,5 @@ def log_figure(result: Identification, log: BrakeLog, car: Car | Wheel, shown: s
     axes[2].legend(fontsize="small", loc="lower right")
     for axis in axes:
         axis.grid(alpha=0.3)
-    figure.suptitle(f"{shown}: {len(result.segments)} surface(s). Verdict: {result.verdict}")
+    figure.suptitle(f"{shown or result.log}: {len(result.segments)} surface(s). Verdict: {result.verdict}")
     return figure
