@@ -111,7 +111,7 @@ def tuned(
 
     identity = {"command": command, "config": wanted.to_json(), **(of or {})}
     journal = Journal(journal_path(out), identity, resume=resume)
-    with bar(f"{command}: {wanted.iterations} iterations, {wanted.starts} starts") as progress:
+    with bar(f"{command}: {wanted.rounds} iterations and generations, {wanted.starts} starts") as progress:
         return run(progress, journal)
 
 

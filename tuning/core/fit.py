@@ -70,6 +70,11 @@ class SearchConfig(Entries):
     def __post_init__(self):
         require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
 
+    @property
+    def rounds(self) -> int:
+        """Generations and iterations in all."""
+        return self.generations + self.iterations + self.refinements * self.evolutions
+
 
 @dataclasses.dataclass(frozen=True)
 class Fitted:
@@ -108,20 +113,20 @@ def fit(
     require("starts", search.starts, search.starts >= len(problem.given), f"at least the {len(problem.given)} given")
     if search.batch is not None:
         require("batch", search.batch, search.batch <= problem.members, f"at most the {problem.members} members")
-    return _Fit(problem, search, journal or Journal()).run(progress)
+    return _Fit(problem, search, progress, journal or Journal()).run()
 
 
 class _Fit:
-    def __init__(self, problem: Problem, search: SearchConfig, journal: Journal):
+    def __init__(self, problem: Problem, search: SearchConfig, progress: Progress, journal: Journal):
         self.problem, self.search, self.journal = problem, search, journal
         self.descent, self.evolution = Descent(problem.given), None
-        self.rounds = search.generations + search.iterations + search.refinements * search.evolutions
         self.in_batches = search.batch is not None and problem.on(np.arange(1)) is not None
+        self.progress, self.done = progress, 0
 
-    def run(self, progress: Progress) -> Fitted:
+    def run(self) -> Fitted:
         interrupted = False
         try:
-            self._search(lambda done, _, cost: progress(done, self.rounds, cost))
+            self._search()
         except KeyboardInterrupt:
             interrupted = True
         if self.evolution is not None:
@@ -133,9 +138,9 @@ class _Fit:
         values = {name: float(value) for name, value in box.values(point).items()}
         return Fitted(point, values, cost, self.descent.history, box.on_limit(point), interrupted)
 
-    def _search(self, progress: Progress) -> None:
+    def _search(self) -> None:
         search, problem = self.search, self.problem
-        starts = self._starts(progress)
+        starts = self._starts()
         self.descent = Descent(starts)
         self.descent.run(
             self._costs_and_gradients,
@@ -144,29 +149,29 @@ class _Fit:
             learning_rate=search.learning_rate,
             method=search.method,
             patience=search.patience,
-            progress=lambda done, n, cost: progress(search.generations + done, n, cost),
+            progress=lambda i, n, cost: self._tell(cost),
         )
+        self.done = search.generations + search.iterations
         last = () if search.batch is None else (self.descent.points,)
         candidates = np.concatenate([self.descent.best_points, starts, *last])
         self.evolution = Evolution(problem.box, candidates, self._judge(candidates))
         self._evolve(
             self.evolution,
             self._judge,
-            progress,
-            done=search.generations + search.iterations,
             rounds=search.refinements,
             widest=problem.widest * (NARROWER if search.generations else 1.0),
             seed=search.seed + 1,
             evolutions=search.evolutions,
         )
 
-    def _evolve(self, evolution: Evolution, costs: Judge, progress: Progress, *, done: int, seed: int, **how) -> None:
-        """Evolve from where `evolution` is, each generation on members of its own where that can be done.
+    def _tell(self, cost: float) -> None:
+        """Tell of an iteration or a generation that is done."""
+        self.done += 1
+        self.progress(self.done, self.search.rounds, cost)
 
-        Args:
-            done: iterations and generations before.
-        """
-        generations, counted = itertools.count(), itertools.count(done + 1)
+    def _evolve(self, evolution: Evolution, costs: Judge, *, seed: int, **how) -> None:
+        """Evolve from where `evolution` is, each generation on members of its own where that can be done."""
+        generations = itertools.count()
 
         def of_generation(points: np.ndarray) -> np.ndarray:
             return costs(points, self._drawn(seed, next(generations), 1))
@@ -176,7 +181,7 @@ class _Fit:
             judge=costs if self.in_batches else None,
             count=self.problem.population,
             seed=seed,
-            told=lambda cost: progress(next(counted), self.rounds, cost),
+            told=self._tell,
             **how,
         )
 
@@ -204,7 +209,7 @@ class _Fit:
         costs, gradients = self.journal.evaluate(self.problem.costs_and_gradients, points, members)
         return costs, gradients
 
-    def _starts(self, progress: Progress) -> np.ndarray:
+    def _starts(self) -> np.ndarray:
         """The given starts, and the best of the screened random ones around the first."""
         search, given = self.search, self.problem.box.valid(self.problem.given)
         if search.starts == len(given) and not search.generations:
@@ -214,14 +219,12 @@ class _Fit:
         some = self._drawn(search.seed) if self.in_batches else None
         ranked = np.concatenate([given, points[np.argsort(self._screen(points, some))]])
         if search.generations:
-            ranked = np.concatenate([self._evolved(ranked[: len(given) + 1], progress)[None], ranked])
+            ranked = np.concatenate([self._evolved(ranked[: len(given) + 1])[None], ranked])
         return ranked[: search.starts]
 
-    def _evolved(self, points: np.ndarray, progress: Progress) -> np.ndarray:
+    def _evolved(self, points: np.ndarray) -> np.ndarray:
         """What evolution makes of the best of them, on what starts are chosen by."""
         search, problem = self.search, self.problem
         found = Evolution(problem.box, points, self._screen(points))
-        self._evolve(
-            found, self._screen, progress, done=0, rounds=search.generations, widest=problem.widest, seed=search.seed
-        )
+        self._evolve(found, self._screen, rounds=search.generations, widest=problem.widest, seed=search.seed)
         return found.point

@@ -55,7 +55,9 @@ def _acceleration(acceleration: Signal, known: Mapping[str, Signal], radius: flo
     before, after = np.interp([start, end], speed.time, speed.values)
     lost = float(before - after)
     integral = float(np.trapezoid(acceleration.values[inside], acceleration.time[inside]))
-    as_it_is, other_way = ((sign * integral + zero * (start - end)) / -lost for sign in (1, -1)) if lost > 3 else (1, 0)
+    if lost <= 3:
+        return False
+    as_it_is, other_way = ((sign * integral + zero * (start - end)) / -lost for sign in (1, -1))
     return 0.5 < other_way < 2 and abs(other_way - 1) < abs(as_it_is - 1)
 
 

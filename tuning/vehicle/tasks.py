@@ -1,6 +1,6 @@
 """The study of whole vehicles: the published scenario, distances of cars, split mu, and what channels cost."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +14,7 @@ from tuning.controllers.recipes import car_sets
 from tuning.core.figures import save
 from tuning.core.report import Report
 from tuning.vehicle import figures
-from tuning.vehicle.distances import CHANGING, distances
+from tuning.vehicle.distances import CHANGING, Found, distances
 from tuning.vehicle.scenario import Ride, figures_of, ride, scenario_loop
 
 UNBIASED = {"bias_drift": 1e-4, "bias_deviation": 0.05, "rim_noise": 1.0}
@@ -60,13 +60,14 @@ def scenario(out: Path) -> Report:
 
 def cars(car: str, laden: bool) -> Report:
     """Distances of a car over its ideal, every controller."""
-    rows = [found.row() for found in distances(car, laden, ROADS, SPEEDS_KMH)]
-    name = f"distances {car} {'laden' if laden else 'unladen'}"
-    return Report({f"{name}: from the pedal to 15 km/h, over the ideal of the car": rows}, [], [])
+    return _over_ideal("distances", car, laden, distances(car, laden, ROADS, SPEEDS_KMH))
 
 
 def changing(car: str, laden: bool) -> Report:
     """The same of five phases where the road changes along the way."""
-    rows = [found.row() for found in distances(car, laden, CHANGING, SPEEDS_KMH, ("five_phase",))]
-    name = f"roads that change {car} {'laden' if laden else 'unladen'}"
-    return Report({f"{name}: from the pedal to 15 km/h, over the ideal of the car": rows}, [], [])
+    return _over_ideal("roads that change", car, laden, distances(car, laden, CHANGING, SPEEDS_KMH, ("five_phase",)))
+
+
+def _over_ideal(what: str, car: str, laden: bool, found: Iterable[Found]) -> Report:
+    title = f"{what} {car} {'laden' if laden else 'unladen'}: from the pedal to 15 km/h, over the ideal of the car"
+    return Report({title: [one.row() for one in found]}, [], [])
