@@ -22,6 +22,7 @@ from absjax.loop.driver import Driver, FreeRamp
 from absjax.loop.growth import growth
 from absjax.loop.ideal import ideal_distance
 from absjax.loop.sampled_loop import SampledLoop
+from absjax.loop.step_check import checked_stop
 from absjax.loop.stop import Outcome, Stop, stop
 from absjax.observers.adaptive import AdaptiveObserver
 from absjax.observers.along_a_run import certify_run
@@ -94,6 +95,7 @@ __all__ = [
     "WheelSpeedChain",
     "certify",
     "certify_run",
+    "checked_stop",
     "constant_stiffness",
     "edges_of",
     "fit_exponential_basis",

@@ -5,7 +5,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from absjax.loop.stop import stop
+from absjax.loop.stop import Stop, stop
 
 REGULAR = 2.0
 """Growth of a stop whose mean deceleration does not depend on the speed it starts from: distance goes with v0^2."""
@@ -28,9 +28,19 @@ def growth(loop: Any, speed: Any, **options: Any):
     Returns:
         The growth, scalar or (lanes,). See `is_unstable`.
     """
+    return stop_and_growth(loop, speed, **options)[1]
+
+
+def stop_and_growth(loop: Any, speed: Any, **options: Any) -> tuple[Stop, jax.Array]:
+    """A stop and its growth in one; arguments as of `growth`."""
+
+    def braked(speed):
+        found = stop(loop, speed, **options)
+        return found.distance, found
+
     speed = jnp.asarray(speed, jnp.result_type(float) if not hasattr(speed, "dtype") else speed.dtype)
-    distance, change = jax.jvp(lambda v: stop(loop, v, **options).distance, (speed,), (speed,))
-    return change / distance
+    distance, change, found = jax.jvp(braked, (speed,), (speed,), has_aux=True)
+    return found, change / distance
 
 
 def is_unstable(growth):

@@ -55,6 +55,7 @@ class Stop(NamedTuple):
             Table 4.1). What is lost before the first switching does not count in it.
         onset_time: of the first switching, from the first touch of the pedal [s]; 0 without one.
         onset_speed: vehicle speed then [m/s].
+        events: switchings, those of the brake at its limits and the end included.
         cycles: cycles of the controller.
         longest_cycle: longest time between the starts of two cycles, or from the last one to the end [s]:
             a controller that sticks in a phase shows here. Differentiable. 0 for one that does not cycle.
@@ -72,6 +73,7 @@ class Stop(NamedTuple):
     published_quantity: jax.Array
     onset_time: jax.Array
     onset_speed: jax.Array
+    events: jax.Array
     cycles: jax.Array
     longest_cycle: jax.Array
     lock_time: tuple[jax.Array, jax.Array]
@@ -177,6 +179,7 @@ def _assessed(loop: Stoppable, speed, result: Rollout) -> Stop:
         published_quantity=safe_divide(speed**2, 2 * GRAVITY * mean_friction, mean_friction > 0, jnp.inf),
         onset_time=jnp.maximum(control.onset_time - end.memory.pedal_time, 0.0),
         onset_speed=control.onset_speed,
+        events=result.events,
         cycles=control.cycles,
         longest_cycle=end.longest_cycle,
         lock_time=locks.time,

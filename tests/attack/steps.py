@@ -3,7 +3,8 @@
 For each controller, stops at several steps against those at the shortest: how many end otherwise or switch another
 number of times, how many of these are told (`STEP_TOO_LARGE`, or unstable by their growth), and how far the distances
 of the others are apart. Those that switch otherwise and are not told are braked again, to higher stop speeds: how many
-have parted by then. Of some of them only the end falls before a switching instead of after it.
+have parted by then. Of some of them only the end falls before a switching instead of after it. Last, how many of them
+`absjax.loop.step_check` tells, and how many it tells in all.
 """
 
 import argparse
@@ -15,6 +16,7 @@ import numpy as np
 from absjax.lanes import repeated, taken
 from absjax.loop.delayed_loop import DelayedLoop, nodes_of
 from absjax.loop.growth import is_unstable
+from absjax.loop.step_check import differs
 from absjax.loop.stop import Outcome, stop
 from tests.attack.stops import DELAYS, KINDS, random_loop, random_speeds
 
@@ -40,22 +42,24 @@ def braked(loop, speed, step: float, **options):
 
 
 def attack(loop, speed, steps: list[float]) -> dict[float, dict]:
-    """Outcomes, numbers of switchings, distances and whether they are unstable, (lanes,), of every step."""
+    """Outcomes, numbers of switchings, distances, whether they are unstable and whether they differ at half the step,
+    (lanes,), of every step."""
     found = {}
     for step in steps:
 
         def run(v, step=step):
             result = braked(loop, v, step)
-            return result.distance, (result.rollout.events, result.outcome)
+            return result.distance, result
 
         if step == steps[-1]:
-            distance, (events, outcome) = run(speed)
-            unstable = np.zeros(len(speed), bool)
+            distance, result = run(speed)
+            unstable = halved = np.zeros(len(speed), bool)
         else:
-            distance, change, (events, outcome) = jax.jvp(run, (speed,), (speed,), has_aux=True)
-            unstable = is_unstable(change / distance)
-        names = ("distance", "events", "outcome", "unstable")
-        found[step] = dict(zip(names, map(np.asarray, (distance, events, outcome, unstable))))
+            distance, change, result = jax.jvp(run, (speed,), (speed,), has_aux=True)
+            unstable, halved = is_unstable(change / distance), differs(result, braked(loop, speed, step / 2))
+        names = ("distance", "events", "outcome", "unstable", "halved")
+        values = (distance, result.events, result.outcome, unstable, halved)
+        found[step] = dict(zip(names, map(np.asarray, values)))
     return found
 
 
@@ -104,6 +108,9 @@ def row(found: dict, shortest: dict) -> tuple[str, np.ndarray]:
         f"regular, as often switched {far(regular & ~other)}, otherwise {far(regular & other)}; "
         f"unstable, as often {far(unstable & ~other)}, otherwise {far(unstable & other)}"
     )
+    checked = found["halved"] & plain
+    missed = (regular & other & ~checked).sum()
+    line += f"; another at half the step {checked.sum()}, not among them {missed} of the regular that switch otherwise"
     return line, np.flatnonzero(regular & other)
 
 

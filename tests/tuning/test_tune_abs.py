@@ -17,7 +17,7 @@ from tuning.controllers.problem import bounded, problem_of
 from tuning.controllers.report import tuning_rows
 from tuning.controllers.result import TuningResult
 from tuning.controllers.setup import Setup
-from tuning.controllers.tune import tune_abs, unstable_stops
+from tuning.controllers.tune import of_another_step, tune_abs, unstable_stops
 from tuning.core.command import configuration
 from tuning.core.config import ConfigError
 from tuning.core.files import read_json, write_json
@@ -294,10 +294,14 @@ def test_the_demo_begins_untuned():
     assert (config.pedal_rate, config.rate_limit, config.lag, config.threshold_floor) == (400.0, 750.0, 0.005, 10.0)
 
 
-def test_unstable_stops_are_named_and_pull_no_harder_than_others(result):
+def test_unstable_stops_and_those_of_another_step_are_named_and_pull_no_harder_than_others(result):
     rows = [dataclasses.replace(result[0].rows[0], growth=value) for value in (2.1, -16.0, None)]
     said = unstable_stops(rows)
-    assert len(said) == 2 and "-16 times as much" in said[0] and "beyond all bounds" in said[1]
+    assert len(said) == 2 and "16 times as much, the other way" in said[0] and "beyond all bounds" in said[1]
     assert all(row.growth is not None and abs(row.growth - 2) < 1 for row in result[0].rows)
+    other = [dataclasses.replace(result[0].rows[0], at_half_step=value) for value in (None, 41.5)]
+    assert [row.at_half_step for row in result[0].rows] == [None] * len(result[0].rows)
+    (said,) = of_another_step(other)
+    assert "at half the grid step" in said and "41.500 for" in said
     long = np.array([[3.0, 4.0], [3e5, 4e5], [np.inf, 1.0]])
     np.testing.assert_allclose(bounded(long), [[3.0, 4.0], [6.0, 8.0], [0.0, 0.0]], rtol=1e-12)

@@ -11,8 +11,9 @@ import numpy as np
 
 from absjax.lanes import repeated, taken
 from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.growth import growth
+from absjax.loop.growth import stop_and_growth
 from absjax.loop.sampled_loop import SampledLoop
+from absjax.loop.step_check import for_half_step
 from absjax.loop.stop import Outcome, Stop, stop
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.parameters import model, parameter, part
@@ -107,10 +108,12 @@ class Batch:
         system = in_control_unit(loop, *how, kind=kind) if ticks else loop
         return stop(system, **self._how(own, step))
 
-    def growths(self, parameters: Mapping[str, Any]):
-        """`absjax.loop.growth.growth` of every set on every row, switchings located, (rows, sets)."""
+    def at_half_step(self, parameters: Mapping[str, Any]) -> tuple[Stop, Any]:
+        """Stops of every set on every row, switchings located, at half the grid step, and their growth
+        (`absjax.loop.growth`); lanes (rows * sets,)."""
         own = on_every_row(parameters, self.rows)
-        return growth(loop_of_lanes(self.loop, own, self.rows), **self._how(own)).reshape(self.rows, -1)
+        loop = for_half_step(loop_of_lanes(self.loop, own, self.rows))
+        return stop_and_growth(loop, **self._how(own, self.step / 2))
 
     def _how(self, own: Mapping[str, Any], step: float | None = None) -> dict[str, Any]:
         lanes = len(next(iter(own.values())))
@@ -151,6 +154,10 @@ class Batch:
         """Distance over reference with charges, (rows, sets)."""
         return self.ratios(stops) + self.charges(stops)
 
+    def by_row(self, stops: Stop) -> Stop:
+        """Stops without their rollout, arrays (rows, sets)."""
+        return jax.tree.map(self._by_row, stops._replace(rollout=None))
+
     def _by_row(self, values):
         return values.reshape(self.rows, -1)
 
@@ -173,16 +180,19 @@ class Scored(NamedTuple):
 @partial(jax.jit, static_argnames=("step", "ticks"))
 def _scored(batch: Batch, parameters, step, ticks):
     stops = batch.stops(parameters, step, ticks)
-    kept = stops._replace(rollout=None)
-    return batch.losses(stops), batch.ratios(stops), jax.tree.map(lambda leaf: leaf.reshape(batch.rows, -1), kept)
+    return batch.losses(stops), batch.ratios(stops), batch.by_row(stops)
 
 
-_growths = jax.jit(lambda batch, parameters: batch.growths(parameters))
+@jax.jit
+def _at_half_step(batch: Batch, parameters):
+    stops, growths = batch.at_half_step(parameters)
+    return batch.by_row(stops), growths
 
 
-def growths_of(batch: Batch, parameters: Mapping[str, float]) -> np.ndarray:
-    """Growth of the stops of one set, (rows,)."""
-    return np.asarray(_growths(batch, {name: np.array([float(value)]) for name, value in parameters.items()}))[:, 0]
+def at_half_step(batch: Batch, parameters: Mapping[str, float]) -> tuple[Stop, np.ndarray]:
+    """Stops of one set at half the grid step, without their rollouts, and their growth; arrays (rows,)."""
+    sets = {name: np.array([float(value)]) for name, value in parameters.items()}
+    return jax.tree.map(np.ravel, _at_half_step(batch, sets))
 
 
 def scored(

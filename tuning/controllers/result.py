@@ -33,6 +33,8 @@ class ResultRow:
     sampled: StopFigures
     growth: float | None = None
     """of the tuned stop, located (`absjax.loop.growth`): 2 for a regular one; None in results of earlier versions"""
+    at_half_step: float | None = None
+    """where the tuned stop is another at half its grid step (`absjax.loop.step_check`): its distance there, m"""
 
     @property
     def reached(self) -> bool | None:

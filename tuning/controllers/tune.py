@@ -1,9 +1,11 @@
 """An anti-lock controller tuned over a batch of roads, speeds and pedals: its problem, the fit, and the result."""
 
+import jax
 import numpy as np
 
 from absjax.loop.growth import is_unstable
-from tuning.controllers.batch import growths_of, scored
+from absjax.loop.step_check import differs
+from tuning.controllers.batch import at_half_step, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import certify_cycles
 from tuning.controllers.phase_times import short_phases
@@ -15,6 +17,7 @@ from tuning.controllers.splits import SplitFigures, all_splits
 from tuning.core.descent import Progress
 from tuning.core.fit import fit
 from tuning.core.journal import Journal
+from tuning.core.report import cell
 
 WHICH = ("untuned", "tuned")
 
@@ -46,6 +49,7 @@ def tune_abs(
         warnings=[
             *short_phases(problem.setup, problem.batch, parameters),
             *unstable_stops(rows),
+            *of_another_step(rows),
             *worse_apart(splits),
             *breached,
         ],
@@ -63,7 +67,8 @@ def score(problem: ControllerProblem | RunningProblem, parameters: dict[str, flo
     setup, batch = problem.setup, problem.batch
     both = {name: np.array([setup.initial[name], value]) for name, value in parameters.items()}
     located, sampled = scored(batch, both), scored(batch, both, *setup.sampled_grid())
-    growths = growths_of(batch, parameters)
+    halved, growths = at_half_step(batch, parameters)
+    another = differs(jax.tree.map(lambda leaf: leaf[:, 1], located.stops), halved)
     rows = [
         ResultRow(
             road=row.name,
@@ -76,6 +81,7 @@ def score(problem: ControllerProblem | RunningProblem, parameters: dict[str, flo
             tuned=located.figures(i, 1),
             sampled=sampled.figures(i, 1),
             growth=float(growths[i]) if np.isfinite(growths[i]) else None,
+            at_half_step=float(halved.distance[i]) if another[i] else None,
         )
         for i, row in enumerate(rows_of(setup.config))
     ]
@@ -90,6 +96,16 @@ def unstable_stops(rows: list[ResultRow]) -> list[str]:
         "gradient says little"
         for row in rows
         if row.growth is None or is_unstable(row.growth)
+    ]
+
+
+def of_another_step(rows: list[ResultRow]) -> list[str]:
+    """A sentence for every row whose tuned stop is another at half the grid step."""
+    return [
+        f"{row.road}, {row.speed_kmh:g} km/h: at half the grid step the tuned stop is another, {row.at_half_step:.3f} "
+        f"for {cell(row.tuned.distance, 3)} m: the errors of the steps decide on which side of a switching it passes"
+        for row in rows
+        if row.at_half_step is not None
     ]
 
 
@@ -110,4 +126,6 @@ def worse_apart(splits: list[SplitFigures]) -> list[str]:
 
 
 def _times(growth: float | None) -> str:
-    return "beyond all bounds" if growth is None else f"{growth:.3g} times as much"
+    if growth is None:
+        return "beyond all bounds"
+    return f"{abs(growth):.3g} times as much" + (", the other way" if growth < 0 else "")
