@@ -16,7 +16,9 @@ os.environ[compilation.FOLDER] = str(compilation.keep_compiled())
 # A sixth of the time of compilation, for programs that run at two thirds of their speed; and a twelfth, by code made in
 # one piece. The command line's tests leave both away (`test_cli.py`): there all is as a user has it.
 FASTER = "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1"
-os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {FASTER}"
+if FASTER not in (flags := os.environ.get("XLA_FLAGS", "")):
+    # Once, though processes inherit it from the first: the flags are part of what a kept program is called.
+    os.environ["XLA_FLAGS"] = f"{flags} {FASTER}".strip()
 
 # Traced programs are millions of objects that stay: looking through them now and then takes a sixth of the tracing.
 gc.set_threshold(100_000, 50, 100)

@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from tuning.cli import app
-from tuning.controllers.batch import batch_of, scored
+from tuning.controllers.batch import FEW, batch_of, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import certify_cycles
 from tuning.controllers.demo import limited
@@ -165,14 +165,15 @@ def test_a_stop_of_a_result_is_drawn(result):
 
 
 def test_scoring_in_chunks_and_some_of_the_rows():
-    batch = batch_of(Setup.of(SMALL))
-    sets = {"eps2": np.linspace(38, 42, 70)}
-    every = scored(batch, sets)
-    assert every.losses.shape == every.stops.distance.shape == (2, 70) and np.all(np.std(every.losses, axis=1) > 0)
-    one = scored(batch, {"eps2": sets["eps2"][66:67]})
-    np.testing.assert_allclose(one.losses, every.losses[:, 66:67], rtol=1e-12)
-    second = scored(batch.of(np.array([1])), {"eps2": sets["eps2"][66:67]})
-    np.testing.assert_allclose(second.losses, every.losses[1:, 66:67], rtol=1e-12)
+    setup = Setup.of(SMALL)
+    batch, names = batch_of(setup), setup.box().names
+    sets = {name: np.full(10, setup.initial[name]) for name in names} | {"eps2": np.linspace(38, 42, 10)}
+    every = scored(batch, sets, chunk=FEW)
+    assert every.losses.shape == every.stops.distance.shape == (2, 10) and np.all(np.std(every.losses, axis=1) > 0)
+    last = {name: values[9:] for name, values in sets.items()}
+    np.testing.assert_allclose(scored(batch, last).losses, every.losses[:, 9:], rtol=1e-12)
+    second = scored(batch.of(np.array([1])), last)
+    np.testing.assert_allclose(second.losses, every.losses[1:, 9:], rtol=1e-12)
 
 
 def test_what_nobody_should_buy_is_charged():

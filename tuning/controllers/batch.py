@@ -32,7 +32,7 @@ from tuning.core.roads import stacked
 CHUNK = 64
 """Parameter sets that are rolled out together when only figures are wanted: one shape, compiled once."""
 FEW = 4
-"""As many are not worth filling up a chunk."""
+"""A chunk where there are no more, as when a few are judged or shown: a second shape, and no third."""
 LONG_CYCLE_CHARGE = 0.05
 """Added to a row's ratio for every second by which its longest cycle exceeds the longest allowed."""
 LOCK_CHARGE = 2.0
@@ -201,7 +201,7 @@ def scored(
     """Parameter sets, arrays (sets,), in chunks: located, or with guards tested every `ticks` steps."""
     names = tuple(parameters)
     sets = np.stack([np.asarray(parameters[name], float) for name in names], axis=1)
-    size = chunk if len(sets) > FEW else len(sets)
+    size = chunk if len(sets) > FEW else min(chunk, FEW)
     return Scored(
         *in_chunks(
             lambda chunk: _scored(batch, dict(zip(names, chunk.T)), step or batch.step, ticks), sets, size, axis=-1

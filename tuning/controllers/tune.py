@@ -65,9 +65,10 @@ def tune_abs(
 def score(problem: ControllerProblem | RunningProblem, parameters: dict[str, float]) -> list[ResultRow]:
     """The stops of the configured start and of tuned parameters, located, and those sampled."""
     setup, batch = problem.setup, problem.batch
-    both = {name: np.array([setup.initial[name], value]) for name, value in parameters.items()}
+    tuned = {name: parameters[name] for name in problem.box.names}
+    both = {name: np.array([setup.initial[name], value]) for name, value in tuned.items()}
     located, sampled = scored(batch, both), scored(batch, both, *setup.sampled_grid())
-    halved, growths = at_half_step(batch, parameters)
+    halved, growths = at_half_step(batch, tuned)
     another = differs(jax.tree.map(lambda leaf: leaf[:, 1], located.stops), halved)
     rows = [
         ResultRow(
