@@ -74,6 +74,8 @@ GRADIENT_STUDY = About(
         "slope of the mean": "Cosine of each slope to that by differences, and its entries.",
         "descents under a clock": "Where descents by the located gradient and by that under the clock lead, all judged "
         "under the clock.",
+        "slope through the chain": "Stops told by a chain and by its stand-in, and the cosine of the slope that "
+        "descends for the chain to that by differences through the chain itself.",
         "stand_in.png": "Delay and gain over wheel speed, of the chain and of its stand-in.",
     },
 )

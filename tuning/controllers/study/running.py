@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tuning.controllers.published import ROADS
-from tuning.controllers.study import by_setting, descents, slopes, stand_in
+from tuning.controllers.study import by_setting, descents, slopes, stand_in, through_chain
 from tuning.core.figures import save
 from tuning.core.files import write_csv
 from tuning.core.report import Report
@@ -20,6 +20,7 @@ def run_gradients(out: Path, pairs: int, roads: tuple[str, ...] | None = None) -
         yield Report({title: slopes.table(period, pairs, roads or ROADS)}, [], [])
     found = [row for period in slopes.PERIODS for row in descents.table(period)]
     yield Report({"descents under a clock": found}, [], [])
+    yield Report({"slope through the chain": through_chain.table()}, [], [])
 
 
 def run_settings(out: Path, controllers: tuple[str, ...], draws: int, stops: int) -> Iterator[Report]:
