@@ -72,7 +72,7 @@ def _bars(axes, place: np.ndarray, series: dict[str, list[float]]) -> None:
 
 def _history(result: TuningResult):
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-    axes.plot(np.asarray(result.history), lw=0.9)
+    axes.plot(np.asarray(result.history), lw=0.9, marker=".")
     lowest = float(np.nanmin(result.history))
     axes.set(xlabel="iteration", ylabel=f"{result.config.objective} distance / {result.config.reference}")
     highest = min(lowest + 0.12, float(np.nanmax(result.history)) + 0.003)
