@@ -89,7 +89,8 @@ SETTING_STUDY = About(
         "that do not end, lock above 15 km/h or stick.",
         "scattered stops through the chain": "The same with roads, load, brake and encoder scattered: on draws a set "
         "was tuned on, was chosen by, and on neither.",
-        "settings.png": "Mean above ideal of every set, a panel for each setting.",
+        "settings.png": "Mean above ideal of every set, a panel for each setting. Hollow: some stops do not end, lock "
+        "or stick.",
     },
 )
 DEMO = About(
