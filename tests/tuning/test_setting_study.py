@@ -1,10 +1,14 @@
 """Sets by setting: which there are, what is told of each, and that a set is judged with the chain it was tuned with."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import matplotlib.pyplot as plt
 import numpy as np
 
+from tuning.controllers import figures, report
+from tuning.controllers import tune as tuning_of
+from tuning.controllers.command import run_of
 from tuning.controllers.recipes import recipes, running_sets, tuned_sets
 from tuning.controllers.setup import Setup
 from tuning.controllers.splits import SplitFigures
@@ -14,6 +18,7 @@ from tuning.controllers.study.descents import passed
 from tuning.controllers.study.running import run_settings
 from tuning.core.box import Box
 from tuning.core.problem import Problem
+from tuning.core.report import table_name
 
 FINE = SplitFigures("test", "chain", 20, 1.0345, 1.071, 0, 0, 0)
 
@@ -66,6 +71,16 @@ def test_without_a_set_for_the_chain_none_is_judged_in_scattered_stops(monkeypat
     )
     (report,) = run_settings(tmp_path, ("five_phase",), 8, 100)
     assert next(iter(report.tables.values())) == by_setting.table(by_setting.judged())
+
+
+def test_the_tables_of_a_tuning_for_a_setting_have_files_of_their_own(monkeypatch, tmp_path):
+    found = SimpleNamespace(on_limit=[], warnings=[], splits=[FINE], interrupted=False, to_json=dict)
+    monkeypatch.setattr(tuning_of, "tune_abs", lambda *_, **__: found)
+    monkeypatch.setattr(figures, "tuning_figures", lambda *_: [])
+    for name in ("parameter_line", "cycles_line", "tuning_rows", "split_rows"):
+        monkeypatch.setattr(report, name, lambda _: [{"a": 1.0}])
+    told = run_of(recipes()["five_phase_at_1_ms"], tmp_path, "five phases")(None, None)
+    assert len({table_name(title) for title in told.tables}) == len(told.tables) == 2
 
 
 class Slope(Problem):

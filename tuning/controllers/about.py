@@ -10,9 +10,12 @@ QUANTITY = (
 )
 TUNED = {
     "distances from the pedal": f"A row a road and speed, before and after tuning. {QUANTITY}",
+    "scattered conditions": "Stops in the setting that was tuned for, roads, load, brake and encoder scattered: on "
+    "draws the set was tuned on, on draws that may refute it, and on further ones. A stop is stuck where a cycle takes "
+    "more than 1 s.",
     "distances.png": "By road and speed, before and after: above, the distance from the pedal over the ideal one; "
     "below, the published quantity over its own ideal. Bars end at 20 %.",
-    "history.png": "The search: cost of each start by iteration, and what was chosen in the end.",
+    "history.png": "The descent: cost of each start by iteration; dotted, what evolution after it has chosen.",
     "stop.png": "One stop before and after tuning: speeds, slip, pressure and phases against time.",
     "cycles.png": "Slip against wheel acceleration on each road, untuned above, tuned below. The dotted vertical "
     "is the slip of the friction peak.",
@@ -88,7 +91,8 @@ SETTING_STUDY = About(
         "that do not end, lock above 15 km/h or stick.",
         "scattered stops through the chain": "The same with roads, load, brake and encoder scattered: on draws a set "
         "was tuned on, was chosen by, and on neither.",
-        "settings.png": "Mean above ideal of every set, a panel for each setting.",
+        "settings.png": "Mean above ideal of every set, a panel for each setting. Hollow: some stops do not end, lock "
+        "or stick.",
     },
 )
 DEMO = About(

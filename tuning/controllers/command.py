@@ -55,9 +55,8 @@ def run_of(config, out: Path, title: str) -> Any:
         files = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
         tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}
         if result.splits:
-            tables[
-                f"{title}: scattered conditions, {config.setting}, a tick every {1e3 * config.sampled_period:g} ms"
-            ] = split_rows(result)
+            where = f"{config.setting}, a tick every {1e3 * config.sampled_period:g} ms"
+            tables[f"{title}, scattered conditions: {where}"] = split_rows(result)
         return Report(tables, lines, files, result.interrupted, warnings=warnings)
 
     return run

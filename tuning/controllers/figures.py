@@ -16,6 +16,8 @@ from tuning.core.roads import name_of, surfaces_of
 
 HIGHEST = 20.0
 """Of the bars, %."""
+ROOM = 1.25
+"""Times the highest bar: the legend is above it."""
 
 
 def tuning_figures(result: TuningResult, folder: Path) -> list[Path]:
@@ -41,7 +43,8 @@ def _distances(result: TuningResult):
     _bars(grid[1], place, quantity | _excess(result, "published_quantity", "published_ideal"))
     grid[1].set(ylabel="published quantity, above its ideal [%]")
     for axes in grid:
-        axes.set(ylim=(0, HIGHEST))
+        highest = max((bar.get_height() for bar in axes.patches), default=0.0)
+        axes.set(ylim=(0, min(HIGHEST, ROOM * highest) or HIGHEST))
         axes.legend(fontsize="small", ncols=4)
         axes.grid(axis="y", alpha=0.3)
     grid[1].set_xticks(place, labels, rotation=60, fontsize=7)
@@ -69,13 +72,16 @@ def _bars(axes, place: np.ndarray, series: dict[str, list[float]]) -> None:
 
 def _history(result: TuningResult):
     figure, axes = plt.subplots(figsize=(7, 4), layout="constrained")
-    axes.plot(np.asarray(result.history), lw=0.9)
+    axes.plot(np.asarray(result.history), lw=0.9, marker=".")
     lowest = float(np.nanmin(result.history))
     axes.set(xlabel="iteration", ylabel=f"{result.config.objective} distance / {result.config.reference}")
-    axes.set_ylim(min(lowest, result.cost) - 0.003, lowest + 0.12)
-    axes.axhline(result.cost, color="k", ls=":", lw=0.9, label="after evolution, at the worse of both semantics")
+    highest = min(lowest + 0.12, float(np.nanmax(result.history)) + 0.003)
+    axes.set_ylim(min(lowest, result.cost) - 0.003, highest)
+    where = "the worse of both semantics" if result.config.setting == "located" else "on the sampled loop"
+    axes.axhline(result.cost, color="k", ls=":", lw=0.9, label=f"after evolution, {where}")
     axes.legend(fontsize="small")
-    axes.set_title(f"descent of {result.config.starts} starts, best {lowest:.4f}, chosen {result.cost:.4f}")
+    starts = "1 start" if result.config.starts == 1 else f"{result.config.starts} starts"
+    axes.set_title(f"descent of {starts}, best {lowest:.4f}, chosen {result.cost:.4f}")
     axes.grid(alpha=0.3)
     return figure
 
