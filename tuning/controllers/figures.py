@@ -34,7 +34,7 @@ def tuning_figures(result: TuningResult, folder: Path) -> list[Path]:
 def _distances(result: TuningResult):
     figure, grid = plt.subplots(2, 1, figsize=(11, 7.5), layout="constrained", sharex=True)
     place, rows = np.arange(len(result.rows)), result.rows
-    labels = [f"{row.road.replace('_', ' ')}\n{row.speed_kmh:g} km/h" for row in rows]
+    labels = ["\n".join(row.where.replace("_", " ").rsplit(", ", 2 if row.car else 1)) for row in rows]
     _bars(grid[0], place, _excess(result, "distance", "ideal"))
     grid[0].set(ylabel="from the pedal, above ideal [%]")
     quantity = {"published": [_percent(row.published, row.published_ideal) for row in rows]}

@@ -16,7 +16,7 @@ from tuning.core.version import VERSION
 
 @dataclasses.dataclass(frozen=True)
 class ResultRow:
-    """One road, speed and pedal: ideal and published distances [m], and the stops of the start and of the tuned set.
+    """A road, speed, pedal and vehicle: ideal and published distances [m], the stops of the start and of the tuned set.
 
     `ideal` is from the pedal, None in results of earlier versions; `published_ideal` is v0^2 / (2 g mu_max), None on a
     road that changes; `published` is None where nothing is.
@@ -33,6 +33,13 @@ class ResultRow:
     sampled: StopFigures
     growth: float | None = None
     """of the tuned stop, located (`absjax.loop.growth`): 2 for a regular one; None in results of earlier versions"""
+    car: str = ""
+    """which one, where there are several"""
+
+    @property
+    def where(self) -> str:
+        """Road, speed, and car where there are several."""
+        return f"{self.road}, {self.speed_kmh:g} km/h" + (f", {self.car}" if self.car else "")
 
     @property
     def reached(self) -> bool | None:

@@ -63,7 +63,8 @@ def score(problem: ControllerProblem | RunningProblem, parameters: dict[str, flo
     setup, batch = problem.setup, problem.batch
     both = {name: np.array([setup.initial[name], value]) for name, value in parameters.items()}
     located, sampled = scored(batch, both), scored(batch, both, *setup.sampled_grid())
-    growths = growths_of(batch, parameters)
+    growths, vehicle = growths_of(batch, parameters), setup.config.vehicle
+    cars = ("",) if vehicle is None or len(vehicle.each) == 1 else tuple(one.name for one in vehicle.each)
     rows = [
         ResultRow(
             road=row.name,
@@ -71,21 +72,22 @@ def score(problem: ControllerProblem | RunningProblem, parameters: dict[str, flo
             pedal_bar_s=row.pedal_rate,
             ideal=float(batch.ideal[i]),
             published_ideal=row.published_ideal,
-            published=None if setup.config.vehicle is not None else row.published(setup.config.controller),
+            published=None if vehicle is not None else row.published(setup.config.controller),
             untuned=located.figures(i, 0),
             tuned=located.figures(i, 1),
             sampled=sampled.figures(i, 1),
             growth=float(growths[i]) if np.isfinite(growths[i]) else None,
+            car=cars[row.which],
         )
         for i, row in enumerate(rows_of(setup.config))
     ]
-    return sorted(rows, key=lambda row: (row.speed_kmh, row.ideal or 0.0))
+    return sorted(rows, key=lambda row: (cars.index(row.car), row.speed_kmh, row.ideal or 0.0))
 
 
 def unstable_stops(rows: list[ResultRow]) -> list[str]:
     """A sentence for every row whose tuned stop is unstable."""
     return [
-        f"{row.road}, {row.speed_kmh:g} km/h: the tuned stop is unstable, a small change of the initial speed changes "
+        f"{row.where}: the tuned stop is unstable, a small change of the initial speed changes "
         f"the distance {_times(row.growth)} (2 times is regular); with any other circumstance it is another, and its "
         "gradient says little"
         for row in rows
