@@ -10,8 +10,8 @@ QUANTITY = (
 )
 TUNED = {
     "distances from the pedal": f"A row a road and speed, before and after tuning. {QUANTITY}",
-    "distances.png": "By road and speed, before and after: above, the distance from the pedal over the ideal one; "
-    "below, the published quantity over its own ideal. Bars end at 20 %.",
+    "distances.png": "By road and speed, before and after: the distance from the pedal over the ideal one, of each of "
+    "several cars; of one wheel, below, the published quantity over its own ideal. Bars end at 20 %.",
     "history.png": "The search: cost of each start by iteration, and what was chosen in the end.",
     "stop.png": "One stop before and after tuning: speeds, slip, pressure and phases against time.",
     "cycles.png": "Slip against wheel acceleration on each road, untuned above, tuned below. The dotted vertical "
