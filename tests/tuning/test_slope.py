@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from tuning.core.slope import offsets, pooled_slope
+from tuning.core.slope import offsets, pairs_within, pooled_slope
 
 SIZE = 6
 
@@ -45,3 +45,15 @@ def test_too_few_pairs_leave_the_gradient():
     found = pooled_slope(np.stack([up, -up]), np.stack([g, g]), apart)
     np.testing.assert_allclose(found.slope, g[0])
     assert found.share == 0
+
+
+def test_pairs_keep_within_limits():
+    low, high = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 2.0, 0.01])
+    points = np.array([[0.0, 2.0, 0.005], [-1.0, 1.99, 0.0]])
+    apart = np.array([[0.2, -0.1, 0.05], [-0.3, 0.0, 1e-3]])
+    centre, kept = map(np.asarray, pairs_within(points[None], apart, low, high))
+    both = np.stack([centre + kept[:, None], centre - kept[:, None]])
+    assert np.all(both >= low - 1e-15) and np.all(both <= high + 1e-15)
+    np.testing.assert_array_equal(kept, [[0.2, -0.1, 0.005], [-0.3, 0.0, 1e-3]])
+    wanted = [[[0.0, 1.9, 0.005], [-0.8, 1.9, 0.005]], [[0.0, 2.0, 0.005], [-0.7, 1.99, 1e-3]]]
+    np.testing.assert_allclose(centre, wanted, rtol=1e-14)

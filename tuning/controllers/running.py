@@ -27,7 +27,7 @@ from tuning.controllers.setup import Setup
 from tuning.core.box import Box
 from tuning.core.objective import Objective
 from tuning.core.problem import Problem
-from tuning.core.slope import offsets, pooled_slope
+from tuning.core.slope import offsets, pairs_within, pooled_slope
 
 STRICTNESS = 10.0
 """Times the charges of `tuning.controllers.batch` for a broken limit, while descending."""
@@ -100,10 +100,10 @@ class RunningProblem(Problem):
 def _costs_and_slopes(batch: Batch, points, members, apart, box: Box, objective: Objective, grid):
     if members is not None:
         batch = batch.of(members)
-    points, apart = jnp.asarray(points), jnp.asarray(apart)
     sets, size = points.shape
+    centre, apart = pairs_within(jnp.asarray(points), jnp.asarray(apart), *box.limits)
     pair = jnp.stack([apart, -apart], axis=1)
-    lanes = (points[None, :, None] + pair[:, None]).reshape(-1, size)
+    lanes = (centre[:, :, None] + pair[:, None]).reshape(-1, size)
 
     def losses_of(x) -> Any:
         stops = batch.stops_of_lanes(box.values(x), *grid, kind=TickingLoop)

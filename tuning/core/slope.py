@@ -40,6 +40,17 @@ def offsets(seed, pairs: int, size: int, scale: float) -> np.ndarray:
     return scale * np.random.default_rng(seed).normal(size=(pairs, size))
 
 
+def pairs_within(points, offsets, low, high):
+    """Centres (pairs, sets, parameters) and offsets (pairs, parameters) of pairs that lie within limits (parameters,).
+
+    A pair keeps its offset, and its centre gives way: what lies beyond a limit may have no meaning, and its loss would
+    drown the others.
+    """
+    apart = jnp.clip(offsets, -(high - low) / 2, (high - low) / 2)
+    reach = jnp.abs(apart)[:, None]
+    return jnp.clip(points, low + reach, high - reach), apart
+
+
 def pooled_slope(losses, gradients, offsets) -> Pooled:
     """Slope of the mean loss; traceable.
 
