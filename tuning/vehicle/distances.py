@@ -27,6 +27,8 @@ CONTROLLERS = "five_phase", "two_phase", "slip", "bosch", "production"
 """Those of tables; two-phase goes by the true XBS here."""
 TO_STOP_KMH = 15.0
 """Below this speed relaxed tyres and a control unit's tick leave little to control."""
+MOST_EVENTS = 2500
+"""Switchings a stop may make, of all channels."""
 SETTINGS = "located", "sampled 1 ms", "sampled, estimated speed"
 CHANGING = tuple(
     Surfaces(surfaces, changes, speeds)
@@ -137,6 +139,7 @@ def distances(
             speeds_kmh=speeds_kmh,
             stop_speed_kmh=TO_STOP_KMH,
             vehicle=vehicle,
+            max_events=MOST_EVENTS,
         )
         found += compared(config, sets_of(controller, axles=True))
     return found
