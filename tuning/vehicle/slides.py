@@ -1,4 +1,4 @@
-"""How long wheels slide all but locked: what a controller that lets go of a wheel that stands does not tell by its locks.
+"""How long wheels slide all but locked: what the locks of a controller that lets go of a standing wheel do not tell.
 
 A wheel that is let go of for a moment whenever it stands, and locks again, has no long lock; it slides all the same,
 and neither steers in front nor keeps the car straight behind.
@@ -60,7 +60,7 @@ def sliding_times(config: TuningConfig, sets: Mapping[str, Mapping[str, float]])
     batch, (step, ticks) = batch_of(setup), setup.sampled_grid()
     names, count = tuple(next(iter(sets.values()))), len(sets)
     own = {name: jnp.array([float(values[name]) for values in sets.values()]) for name in names}
-    loop = loop_of_lanes(batch.loop, on_every_row(own, batch.rows), batch.rows)
+    loop: Any = loop_of_lanes(batch.loop, on_every_row(own, batch.rows), batch.rows)
     how = ticks, batch.substeps, ticks * step, None, batch.estimator, batch.accelerometer
     every = max(1, round(SAVED / step))
     path = stop(
@@ -72,12 +72,21 @@ def sliding_times(config: TuningConfig, sets: Mapping[str, Mapping[str, float]])
         save_every=every,
         tile=64,
     ).rollout.path
-    state, car = path.state.loop.vehicle, loop.vehicle
-    speed, lasts = np.asarray(state.speed), step * every
-    counts = np.asarray(path.valid) & (speed > TO_STOP_KMH / 3.6)
+    state, speed = path.state.loop.vehicle, np.asarray(path.state.loop.vehicle.speed)
     found = {}
-    for axle, wheel, turning in zip(AXLES, car.wheels, state.wheel_speeds):
-        radius = np.broadcast_to(wheel.radius, len(speed))[:, None]
-        slip = radius * np.asarray(turning) / np.where(counts, speed, 1.0) - 1
-        found[axle] = (lasts * np.sum(counts & (slip < DEEP), axis=1)).reshape(batch.rows, count)
+    for axle, wheel, turning in zip(AXLES, loop.vehicle.wheels, state.wheel_speeds):
+        rims = np.broadcast_to(wheel.radius, len(speed))[:, None] * np.asarray(turning)
+        found[axle] = (step * every * slid(np.asarray(path.valid), speed, rims)).reshape(batch.rows, count)
     return found
+
+
+def slid(valid: np.ndarray, speed: np.ndarray, rims: np.ndarray) -> np.ndarray:
+    """How many of the instants (lanes, instants) a wheel slides while the vehicle is faster than 15 km/h, (lanes,).
+
+    Args:
+        valid: bool, whether the vehicle has not stopped yet.
+        speed: v [m/s].
+        rims: R w [m/s].
+    """
+    counts = valid & (speed > TO_STOP_KMH / 3.6)
+    return np.sum(counts & (rims < (1 + DEEP) * speed), axis=1)
