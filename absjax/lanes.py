@@ -86,6 +86,23 @@ def stacked(models: Sequence[Any]) -> Any:
     return jax.tree.map(lambda *leaves: np.stack([np.asarray(leaf, float) for leaf in leaves]), *models)
 
 
+def chosen(models: Sequence[Any], index: Any) -> Any:
+    """The lanes of one, lane k like `models[index[k]]`; what is alike in all of them is shared.
+
+    Raises:
+        ValueError: if the models are not of one structure.
+    """
+
+    def of_lanes(*leaves):
+        values = [np.asarray(leaf, float) for leaf in leaves]
+        alike = all(np.array_equal(value, values[0]) for value in values)
+        return leaves[0] if alike else np.stack(values)[np.asarray(index)]
+
+    if len({jax.tree.structure(model) for model in models}) > 1:
+        raise ValueError("models of different structure cannot be lanes of one")
+    return jax.tree.map(of_lanes, *models)
+
+
 def taken(model: Any, index: Any) -> Any:
     """A model with some of its lanes: one, or an array of them."""
     return jax.tree.map(lambda leaf, axis: leaf if axis < 0 else leaf[index], model, lane_axes(model))

@@ -157,6 +157,7 @@ LOSSES = np.array([[1.0, 5.0], [2.0, 2.0], [3.0, 2.0], [4.0, 1.0]])
         (Objective("balanced"), [0.9 * 2.5 + 0.1 * 4, 0.9 * 2.5 + 0.1 * 5]),
         (Objective("cvar", 0.5), [3.5, 3.5]),
         (Objective("cvar", 0.3), [3.5, 3.5]),
+        (Objective("mean_and_cvar", 0.5), [3.0, 3.0]),
         (Objective("cvar", 0.01), [4.0, 5.0]),
         (Objective("power"), np.mean(LOSSES**6, axis=0) ** (1 / 6)),
     ],

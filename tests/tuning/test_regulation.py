@@ -208,10 +208,14 @@ def test_what_cannot_be_screened_is_said(tmp_path):
     with pytest.raises(ConfigError, match="--cars: 'lorry' is unknown"):
         tasks.cars_of(TuningConfig(), ["lorry"])
     assert list(tasks.cars_of(TuningConfig(vehicle={"car": "van"}), ["own"])) == ["own"]
+    with pytest.raises(ConfigError, match="--cars: 'own' is unknown"):
+        tasks.cars_of(TuningConfig(vehicle={"car": ["van", "small"]}), ["own"])
     with pytest.raises(ConfigError, match="one of --config and --controller is needed"):
         tasks.config_of(None, None)
     with pytest.raises(ConfigError, match="controller: 'abs' is unknown"):
         tasks.config_of(None, "abs")
+    with pytest.raises(ConfigError, match="predictive_tracking predicts over a delay, for one wheel"):
+        tasks.config_of(None, "predictive_tracking")
     wrong = tmp_path / "wrong.json"
     wrong.write_text(json.dumps({"controller": "five_phase", "start": {"eps9": 1.0}}))
     said = CliRunner().invoke(app, ["regulation", "--config", str(wrong), "--out", str(tmp_path / "out")])

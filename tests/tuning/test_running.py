@@ -9,6 +9,8 @@ from tuning.controllers.config import TuningConfig
 from tuning.controllers.running import INFEASIBLE, running_problem
 from tuning.controllers.scatter import scattered
 from tuning.controllers.setup import Setup
+from tuning.controllers.splits import SplitFigures
+from tuning.controllers.tune import worse_apart
 from tuning.core.config import ConfigError
 
 CONFIG = TuningConfig(
@@ -72,6 +74,23 @@ CAR = TuningConfig.from_json(
         "conditions": {"noise": 0.3},
     }
 )
+
+
+def test_what_validation_refutes_is_said():
+    """A set that is no better than the untuned one, or breaks a limit there; not one that is better and keeps them."""
+
+    def told(untuned: tuple, tuned: tuple) -> list[str]:
+        rows = (("untuned", untuned), ("tuned", tuned))
+        return worse_apart(
+            [SplitFigures("validation", which, 4, mean, mean, 0, locked, 0) for which, (mean, locked) in rows]
+        )
+
+    assert told((1.2, 1), (1.1, 0)) == [] and told((1.2, 0), (1.1, 0)) == []
+    (worse,) = told((1.2, 0), (1.3, 0))
+    assert worse.endswith("no better than the untuned one")
+    (paid,) = told((1.2, 1), (1.3, 0))
+    assert paid.endswith("but for the limits that one breaks")
+    assert "1 lock above 15 km/h" in told((1.2, 0), (1.1, 1))[0]
 
 
 def test_of_a_vehicle_every_wheel_is_another_and_the_fitted_slope_descends():

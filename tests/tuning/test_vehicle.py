@@ -1,10 +1,13 @@
 """Whole vehicles in tuning: cars, entries, parameters of axles, the loop of a batch, what is told of the scenario."""
 
 import dataclasses
+import json
 
+import jax
 import numpy as np
 import pytest
 
+from absjax.lanes import taken
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.observers.base import Sample
 from absjax.observers.clamped import Clamped
@@ -18,9 +21,12 @@ from tuning.cars.entry import WIRINGS, VehicleEntry, of_axle
 from tuning.controllers.batch import batch_of
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import in_control_unit, loop_of_lanes
+from tuning.controllers.problem import problem_of
+from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.core.config import ConfigError
-from tuning.vehicle.scenario import BLEND, CHANGES, PERIOD, SUBSTEPS, Ride, _observed, figures_of
+from tuning.vehicle.scenario import BLEND, CHANGES, PERIOD, SUBSTEPS, Ride, figures_of, stiffness_along
+from tuning.vehicle.slides import slid
 
 OWN = {
     "controller": "five_phase",
@@ -66,6 +72,35 @@ def test_a_vehicle_makes_the_loop_of_a_batch_with_sets_of_its_axles():
     assert np.all(np.isfinite(batch.ideal)) and batch.ideal[1] > 2 * batch.ideal[0]
 
 
+def test_several_cars_are_rows_of_one_batch_and_each_is_braked_as_alone():
+    """Their lanes are the loops of the single cars: wheels, loads, and what observers know of them."""
+    vehicle = {"car": ["small", "van"], "laden": [False, True]}
+    several = {**OWN, "vehicle": vehicle, "roads": ["dry_asphalt"], "start": {}, "observer": "adaptive"}
+    config = TuningConfig.from_json(several)
+    assert TuningConfig.from_json(json.loads(json.dumps(config.to_json()))) == config
+    rows, problem = rows_of(config), problem_of(config)
+    batch, each = problem.batch, config.vehicle.each
+    assert [one.name for one in each] == ["small", "small laden", "van", "van laden"]
+    assert [row.which for row in rows] == [0, 1, 2, 3]
+    for i, row in enumerate(rows):
+        setup = Setup.of(dataclasses.replace(config, vehicle=each[row.which]))
+        road, lane = batch.loop.vehicle.roads[0], taken(batch.loop, i)
+        own = taken(setup.loop_of(None, road, np.full(1, 400.0)), 0)
+        jax.tree.map(np.testing.assert_array_equal, lane, dataclasses.replace(own, vehicle=lane.vehicle))
+        jax.tree.map(np.testing.assert_array_equal, lane.vehicle.wheels, own.vehicle.wheels)
+        observer = lane.channels[1].observer
+        assert observer.relaxation == each[row.which].cars[0].relaxation
+        assert observer.wheel.load == pytest.approx(lane.vehicle.wheels[1].load, rel=1e-12)
+    alone = batch_of(Setup.of(dataclasses.replace(config, vehicle=each[3])))
+    assert batch.ideal[3] == pytest.approx(alone.ideal[0], rel=1e-12) and np.ptp(batch.ideal) > 0.1
+    some = problem.on(np.array([1, 2]))
+    assert some.members == some.batch.rows == 2
+    np.testing.assert_array_equal(some.batch.ideal, batch.ideal[[1, 2]])
+    lanes = loop_of_lanes(some.batch.loop, {"eps1": np.array([21.0, 22.0, 23.0, 24.0])}, 2)
+    np.testing.assert_array_equal(lanes.vehicle.mass, [1480.0, 1480.0, 1980.0, 1980.0])
+    np.testing.assert_array_equal(lanes.channels[0].observer.wheel.radius, [0.285, 0.285, 0.34, 0.34])
+
+
 def test_one_set_serves_all_channels_of_every_wiring():
     for name, wirings in WIRINGS.items():
         for wheels, wiring in wirings.items():
@@ -81,6 +116,10 @@ def test_one_set_serves_all_channels_of_every_wiring():
     ("changes", "message"),
     [
         ({"vehicle": {"car": "medium"}}, "car: 'medium' is unknown.*mid_size"),
+        ({"vehicle": {"car": ["small", "vans"]}}, "car: 'vans' is unknown.*mean van"),
+        ({"vehicle": {"car": []}}, "vehicle.car = 0 must be 1 to 20 cars"),
+        ({"vehicle": {"laden": [True, True]}}, "vehicle.laden = 2 must be each once"),
+        ({"vehicle": {"car": ["small", "van"], "regulation": True}}, "vehicle.regulation screens one car"),
         ({"vehicle": {"wiring": "select_low"}}, "needs the model four_wheel"),
         ({"vehicle": {"speed": "gps"}}, "vehicle.speed: 'gps' is unknown"),
         ({"vehicle": {}, "wheel": {"radius": 0.3}}, "without plant and wheel"),
@@ -91,6 +130,12 @@ def test_one_set_serves_all_channels_of_every_wiring():
 def test_what_cannot_be_is_refused_by_name(changes, message):
     with pytest.raises(ConfigError, match=message):
         TuningConfig.from_json(changes)
+
+
+def test_cars_of_one_tuning_all_relax_or_none_does():
+    stiff = {**dataclasses.asdict(car_entry("small")), "relaxation": None}
+    with pytest.raises(ConfigError, match="all cars or none must have a relaxation length"):
+        Setup.of(TuningConfig.from_json({"vehicle": {"car": ["van", stiff]}}))
 
 
 def test_a_car_of_impossible_figures_is_refused():
@@ -106,7 +151,7 @@ def test_estimates_of_the_scenario_are_read_at_the_load_they_are_reckoned_with()
     heavy = dataclasses.replace(wheel, load=1.3 * wheel.load)
     time = np.arange(0.0, 0.035, PERIOD)  # where nothing is projected
     samples = Sample(20 * np.cos(40 * time), 25 - 8 * time, 60 + 20 * np.sin(50 * time))
-    found = _observed(design.observer(wheel), samples, np.full_like(time, 1.3))
+    found = stiffness_along(design.observer(wheel), samples, np.full_like(time, 1.3))
     whole = observe(Clamped(design.observer(heavy)), samples, PERIOD, substeps=SUBSTEPS).stiffness
     np.testing.assert_allclose(found[1:], whole[1:], rtol=1e-9)
     assert np.ptp(whole) > 0.1
@@ -138,3 +183,11 @@ def test_what_is_told_of_the_scenario():
     assert told["speed error [%]"] == pytest.approx(10.0) and told["load error [%]"] == pytest.approx(3.0)
     assert told["on snow [s]"] == pytest.approx(0.3, abs=2e-3) and told["on wet [s]"] == pytest.approx(0.3, abs=2e-3)
     assert told["apart, median [ms]"] == pytest.approx(20.0, abs=0.5) and 80 < told["found [%]"] <= 100
+
+
+def test_a_wheel_slides_where_it_all_but_stands():
+    """Not above a fifth of the speed, not below 15 km/h, not after the stop; standing or crawling is the same."""
+    speed = np.array([[20.0, 20.0, 20.0, 20.0, 4.0, 20.0]] * 2)
+    rims = np.array([[20.0, 4.1, 3.9, 0.0, 0.0, 0.0], [18.0, 18.0, 18.0, 18.0, 4.0, 18.0]])
+    valid = np.array([[True] * 5 + [False]] * 2)
+    np.testing.assert_array_equal(slid(valid, speed, rims), [2, 0])

@@ -149,3 +149,9 @@ def car_entry(value: Any) -> Any:
         return CarFigures.from_json(value)
     choice("car", value, tuple(shipped_cars()))
     return shipped_cars()[value]
+
+
+def name_of_car(figures: CarFigures) -> str:
+    """Of a car that is shipped; of another what its note says, or that it is one of its own."""
+    named = [name for name, known in shipped_cars().items() if known == figures]
+    return named[0] if named else figures.note or "own car"

@@ -16,9 +16,21 @@ from absjax.plant.vehicle import Vehicle
 from absjax.speed import SPEED_ESTIMATORS
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
-from tuning.cars.car import MODELS, CarFigures, car_entry
+from tuning.cars.car import MODELS, CarFigures, car_entry, name_of_car
 from tuning.core.components import built, component
-from tuning.core.config import ConfigError, Entries, Flag, NonNegative, Positive, Real, Text, Values, choice, config
+from tuning.core.config import (
+    ConfigError,
+    Entries,
+    Flag,
+    NonNegative,
+    Positive,
+    Real,
+    Text,
+    Values,
+    choice,
+    config,
+    require,
+)
 
 WIRINGS: dict[str, dict[int, tuple[tuple[int, ...], ...]]] = {
     "independent": {2: ((0,), (1,)), 4: ((0,), (1,), (2,), (3,))},
@@ -32,14 +44,23 @@ SETS = "one", "own"
 """One set of parameters for all channels, or its own for each axle."""
 
 
+FEWEST, MOST = 1, 20
+"""Cars of a configuration."""
+
+
+def _cars(value: Any) -> Any:
+    return tuple(map(car_entry, value)) if isinstance(value, list | tuple) else car_entry(value)
+
+
 @config
 class VehicleEntry(Entries):
-    """A vehicle under anti-lock controllers.
+    """A vehicle under anti-lock controllers, or several under one set.
 
     Attributes:
-        car: name of a shipped car, or its figures (`tuning.cars.car.CarFigures`).
+        car: name of a shipped car, or its figures (`tuning.cars.car.CarFigures`); or several: every row is braked by
+            each, and each knows its own wheels.
         model: of `tuning.cars.car.MODELS`.
-        laden: whether it is.
+        laden: whether it is; or both.
         wiring: of `WIRINGS`; select-low goes by the worse wheel of an axle.
         sets: of `SETS`.
         follows_load: whether controllers and observers know the load from the acceleration.
@@ -52,9 +73,9 @@ class VehicleEntry(Entries):
         accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
     """
 
-    car: Annotated[Any, BeforeValidator(car_entry)] = dataclasses.field(default_factory=lambda: car_entry("mid_size"))
+    car: Annotated[Any, BeforeValidator(_cars)] = dataclasses.field(default_factory=lambda: car_entry("mid_size"))
     model: Text = "two_axle"
-    laden: Flag = False
+    laden: Flag | tuple[Flag, ...] = False
     wiring: Text = "independent"
     sets: Text = "one"
     follows_load: Flag = True
@@ -75,6 +96,12 @@ class VehicleEntry(Entries):
         for name in ("largest_yaw_rate", "largest_side_slip"):
             if getattr(self, name) is not None and not self.regulation:
                 raise ConfigError(f"vehicle.{name} is a limit of the screening: it needs regulation = true")
+        require("vehicle.car", len(self.cars), FEWEST <= len(self.cars) <= MOST, f"{FEWEST} to {MOST} cars")
+        for entry, several in (("car", self.cars), ("laden", self.loads)):
+            require(f"vehicle.{entry}", len(several), all(several.count(one) == 1 for one in several), "each once")
+        require("vehicle.laden", self.loads, len(self.loads) > 0, "true, false or both")
+        if self.regulation and len(self.cars) > 1:
+            raise ConfigError("vehicle.regulation screens one car: it needs one in vehicle.car")
         self.estimator()
 
     @property
@@ -83,9 +110,24 @@ class VehicleEntry(Entries):
         return 2 if self.model == "two_axle" else 4
 
     @property
-    def figures(self) -> CarFigures:
-        """Of the car."""
-        return self.car
+    def cars(self) -> tuple[CarFigures, ...]:
+        """The cars."""
+        return self.car if isinstance(self.car, tuple) else (self.car,)
+
+    @property
+    def loads(self) -> tuple[bool, ...]:
+        """Whether they are laden."""
+        return self.laden if isinstance(self.laden, tuple) else (self.laden,)
+
+    @property
+    def each(self) -> "tuple[VehicleEntry, ...]":
+        """An entry for each of them, of one car and one load."""
+        return tuple(dataclasses.replace(self, car=car, laden=laden) for car in self.cars for laden in self.loads)
+
+    @property
+    def name(self) -> str:
+        """Of a car and its load."""
+        return ", ".join(name_of_car(car) + (" laden" if laden else "") for car in self.cars for laden in self.loads)
 
     @property
     def channel_axles(self) -> tuple[int, ...]:
@@ -98,8 +140,8 @@ class VehicleEntry(Entries):
         return ("",) if self.sets == "one" else AXLES
 
     def vehicle(self, roads: Sequence[Road]) -> Vehicle:
-        """The model on roads under its axles or wheels."""
-        return self.figures.vehicle(self.model, roads, laden=self.laden)
+        """The model on roads under its axles or wheels; of several that of the first."""
+        return self.cars[0].vehicle(self.model, roads, laden=self.loads[0])
 
     def estimator(self) -> SpeedEstimator | None:
         """That of the vehicle's speed."""

@@ -13,9 +13,9 @@ TUNED = {
     "scattered conditions": "Stops in the setting that was tuned for, roads, load, brake and encoder scattered: on "
     "draws the set was tuned on, on draws that may refute it, and on further ones. A stop is stuck where a cycle takes "
     "more than 1 s.",
-    "distances.png": "By road and speed, before and after: above, the distance from the pedal over the ideal one; "
-    "below, the published quantity over its own ideal. Bars end at 20 %.",
-    "history.png": "The descent: cost of each start by iteration; dotted, what evolution after it has chosen.",
+    "distances.png": "By road and speed, before and after: the distance from the pedal over the ideal one, of each of "
+    "several cars; of one wheel, below, the published quantity over its own ideal. Bars end at 20 %.",
+    "history.png": "The search: cost of each start by iteration, and what was chosen in the end.",
     "stop.png": "One stop before and after tuning: speeds, slip, pressure and phases against time.",
     "cycles.png": "Slip against wheel acceleration on each road, untuned above, tuned below. The dotted vertical "
     "is the slip of the friction peak.",

@@ -220,7 +220,7 @@ def batch_of(setup: Setup) -> Batch:
     speed = np.array([row.speed for row in rows])
     horizon = SAFETY_HORIZON * max(row.longest_ideal for row in rows) + 1.0
     road, pedal = stacked([row.road for row in rows]), np.array([row.pedal_rate for row in rows])
-    loop = setup.loop_of(None, road, pedal)
+    loop = setup.loop_of(None, road, pedal, [row.which for row in rows])
     reached = np.zeros(len(rows))
     if config.reference == "published":
         for i, row in enumerate(rows):

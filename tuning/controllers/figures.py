@@ -1,5 +1,6 @@
 """Figures of a tuning result, written as PNG."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import jax.numpy as jnp
@@ -9,11 +10,17 @@ import numpy as np
 from absjax.loop.stop import stop
 from absjax.plots import phase_plane
 from tuning.controllers.load import plot_stop
-from tuning.controllers.result import TuningResult
+from tuning.controllers.result import ResultRow, TuningResult
 from tuning.controllers.setup import Setup
 from tuning.core.figures import save
 from tuning.core.roads import name_of, surfaces_of
 
+JUDGED = {
+    "located": "at the worse of both semantics",
+    "sampled": "in the control unit",
+    "chain": "in the control unit, behind the chain",
+}
+"""What the cost in the end is of, by setting."""
 HIGHEST = 20.0
 """Of the bars, %."""
 ROOM = 1.25
@@ -34,26 +41,38 @@ def tuning_figures(result: TuningResult, folder: Path) -> list[Path]:
 
 
 def _distances(result: TuningResult):
-    figure, grid = plt.subplots(2, 1, figsize=(11, 7.5), layout="constrained", sharex=True)
-    place, rows = np.arange(len(result.rows)), result.rows
-    labels = [f"{row.road.replace('_', ' ')}\n{row.speed_kmh:g} km/h" for row in rows]
-    _bars(grid[0], place, _excess(result, "distance", "ideal"))
-    grid[0].set(ylabel="from the pedal, above ideal [%]")
-    quantity = {"published": [_percent(row.published, row.published_ideal) for row in rows]}
-    _bars(grid[1], place, quantity | _excess(result, "published_quantity", "published_ideal"))
-    grid[1].set(ylabel="published quantity, above its ideal [%]")
-    for axes in grid:
+    """From the pedal, a panel for each of several cars; of one wheel the published quantity as well."""
+    cars, alone = list(dict.fromkeys(row.car for row in result.rows)), result.config.vehicle is None
+    panels = len(cars) + alone
+    figure, grid = plt.subplots(
+        panels, 1, figsize=(11, 2.5 + 2.5 * panels), layout="constrained", sharex=True, squeeze=False
+    )
+    labels = [f"{row.road.replace('_', ' ')}\n{row.speed_kmh:g} km/h" for row in result.rows if row.car == cars[0]]
+    place = np.arange(len(labels))
+    for axes, car in zip(grid[:, 0], cars):
+        order = {label: i for i, label in enumerate(labels)}
+        rows = sorted(
+            (row for row in result.rows if row.car == car),
+            key=lambda row: order[f"{row.road.replace('_', ' ')}\n{row.speed_kmh:g} km/h"],
+        )
+        _bars(axes, place, _excess(rows, "distance", "ideal"))
+        axes.set(ylabel="from the pedal,\nabove ideal [%]", title=car.replace("_", " "))
+    if alone:
+        quantity = {"published": [_percent(row.published, row.published_ideal) for row in result.rows]}
+        _bars(grid[-1, 0], place, quantity | _excess(result.rows, "published_quantity", "published_ideal"))
+        grid[-1, 0].set(ylabel="published quantity,\nabove its ideal [%]")
+    for axes in grid[:, 0]:
         highest = max((bar.get_height() for bar in axes.patches), default=0.0)
         axes.set(ylim=(0, min(HIGHEST, ROOM * highest) or HIGHEST))
         axes.legend(fontsize="small", ncols=4)
         axes.grid(axis="y", alpha=0.3)
-    grid[1].set_xticks(place, labels, rotation=60, fontsize=7)
+    grid[-1, 0].set_xticks(place, labels, rotation=60, fontsize=7)
     return figure
 
 
-def _excess(result: TuningResult, figure: str, ideal: str) -> dict[str, list[float]]:
+def _excess(rows: Sequence[ResultRow], figure: str, ideal: str) -> dict[str, list[float]]:
     def of(stop_name: str) -> list[float]:
-        return [_percent(getattr(getattr(row, stop_name), figure), getattr(row, ideal)) for row in result.rows]
+        return [_percent(getattr(getattr(row, stop_name), figure), getattr(row, ideal)) for row in rows]
 
     return {"untuned": of("untuned"), "tuned": of("tuned"), "tuned, sampled": of("sampled")}
 
@@ -77,8 +96,7 @@ def _history(result: TuningResult):
     axes.set(xlabel="iteration", ylabel=f"{result.config.objective} distance / {result.config.reference}")
     highest = min(lowest + 0.12, float(np.nanmax(result.history)) + 0.003)
     axes.set_ylim(min(lowest, result.cost) - 0.003, highest)
-    where = "the worse of both semantics" if result.config.setting == "located" else "on the sampled loop"
-    axes.axhline(result.cost, color="k", ls=":", lw=0.9, label=f"after evolution, {where}")
+    axes.axhline(result.cost, color="k", ls=":", lw=0.9, label=f"after evolution, {JUDGED[result.config.setting]}")
     axes.legend(fontsize="small")
     starts = "1 start" if result.config.starts == 1 else f"{result.config.starts} starts"
     axes.set_title(f"descent of {starts}, best {lowest:.4f}, chosen {result.cost:.4f}")

@@ -53,7 +53,8 @@ def plot_stop(
     setting: Setting = LOCATED,
     untuned: bool = True,
 ) -> Figure:
-    """Speeds, slip, pressure and phases of a stop of a result, beside that of the untuned set.
+    """Speeds, slip, pressure and phases of a stop of a result, beside that of the untuned set; of several vehicles of
+    the first.
 
     Args:
         result: a result, or its file.
@@ -83,6 +84,7 @@ def plot_stop(
             max_events=result.config.max_events,
             save_every=every,
         )
-        label = f"{row.name.replace('_', ' ')}, {speed_kmh:g} km/h, {name}: {float(stopped.distance):.2f} m"
+        car = "" if setup.config.vehicle is None else f", {setup.config.vehicle.each[0].name}"
+        label = f"{row.name}, {speed_kmh:g} km/h{car}, {name}: {float(stopped.distance):.2f} m".replace("_", " ")
         stop_panels(axes, loop, stopped.rollout.path, label)
     return figure

@@ -22,14 +22,14 @@ from tuning.controllers.chain import of_controller
 Sensors = Sensor | tuple[Sensor, ...] | None
 Loop = TypeVar("Loop", bound=ClosedLoop | VehicleLoop)
 CARRIERS = "plant", "vehicle", "brake", "driver"
-"""Parts of a loop that carry the rows, those it has; of a vehicle's loop the brakes of its channels do as well."""
+"""Parts of a loop that carry the rows, those it has; of a vehicle's loop its channels do as well."""
 
 
 def carried(loop: Loop, change: Callable[[Any], Any]) -> Loop:
     """A loop whose parts that carry the rows are changed."""
     parts = {name: change(getattr(loop, name)) for name in CARRIERS if hasattr(loop, name)}
     if isinstance(loop, VehicleLoop):
-        parts["channels"] = tuple(dataclasses.replace(c, brake=change(c.brake)) for c in loop.channels)
+        parts["channels"] = tuple(map(change, loop.channels))
     return dataclasses.replace(loop, **parts)
 
 

@@ -52,6 +52,10 @@ class ControllerProblem(Problem):
         limits = (self.setup.config.largest_contraction, self.setup.kind.grid_step)
         return _costs_and_gradients(self.batch, self.rigs, points, members, self.box, self.objective, limits)
 
+    def on(self, members):
+        """The same of some of the rows."""
+        return dataclasses.replace(self, batch=self.batch.of(members), members=len(members))
+
     def screen(self, points):
         """Costs, located."""
         return np.asarray(self.objective.costs(scored(self.batch, self.box.arrays(points)).losses))

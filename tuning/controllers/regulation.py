@@ -64,7 +64,7 @@ class Regulation:
     """The rows of a configuration's vehicle as functions of a parameter set."""
 
     def __init__(self, config: TuningConfig, *, located: bool = False):
-        figures = config.vehicle.figures
+        (figures,) = config.vehicle.cars
         setups = {laden: on_car(config, figures, laden=laden) for laden in LOADS}
         loops: dict[bool, Any] = {laden: setup.loop_of() for laden, setup in setups.items()}
         self._lanes, self._known = lanes_of(setups[False].driver), adhesions_of(figures)

@@ -12,6 +12,7 @@ def tuning_rows(result: TuningResult) -> list[dict[str, Any]]:
     sampled = f"sampled {result.config.sampled_period * 1e3:g} ms"
     return [
         {
+            **({"car": row.car} if row.car else {}),
             "km/h": row.speed_kmh,
             "road": row.road,
             "pedal [bar/s]": "-" if row.pedal_bar_s is None else f"{row.pedal_bar_s:.0f}",

@@ -16,7 +16,7 @@ from tuning.core.version import VERSION
 
 @dataclasses.dataclass(frozen=True)
 class ResultRow:
-    """One road, speed and pedal: ideal and published distances [m], and the stops of the start and of the tuned set.
+    """A road, speed, pedal and vehicle: ideal and published distances [m], the stops of the start and of the tuned set.
 
     `ideal` is from the pedal, None in results of earlier versions; `published_ideal` is v0^2 / (2 g mu_max), None on a
     road that changes; `published` is None where nothing is.
@@ -35,6 +35,13 @@ class ResultRow:
     """of the tuned stop, located (`absjax.loop.growth`): 2 for a regular one; None in results of earlier versions"""
     at_half_step: float | None = None
     """where the tuned stop is another at half its grid step (`absjax.loop.step_check`): its distance there, m"""
+    car: str = ""
+    """which one, where there are several"""
+
+    @property
+    def where(self) -> str:
+        """Road, speed, and car where there are several."""
+        return f"{self.road}, {self.speed_kmh:g} km/h" + (f", {self.car}" if self.car else "")
 
     @property
     def reached(self) -> bool | None:

@@ -1,4 +1,4 @@
-"""Rows of a tuning problem: a road, a speed and a pedal each."""
+"""Rows of a tuning problem: a road, a speed, a pedal and a vehicle each."""
 
 from typing import Any, NamedTuple
 
@@ -9,12 +9,14 @@ from tuning.core.roads import changes_along, least_peak, name_of, speeds_of
 
 
 class Row(NamedTuple):
-    """A road, a speed and a pedal."""
+    """A road, a speed and a pedal, and where there are vehicles which of them."""
 
     road: Any
     speed_kmh: float
     pedal_rate: float
     """bar/s"""
+    which: int = 0
+    """of the vehicles of the configuration"""
 
     @property
     def name(self) -> str:
@@ -47,10 +49,11 @@ class Row(NamedTuple):
 def rows_of(config: TuningConfig) -> list[Row]:
     """The rows of a configuration, the longest stops last."""
     rows = [
-        Row(road, speed, pedal)
+        Row(road, speed, pedal, which)
         for road in config.roads
         for speed in speeds_of(road, config.speeds_kmh)
         for pedal in pedals(config, speed)
+        for which in range(1 if config.vehicle is None else len(config.vehicle.each))
     ]
     return sorted(rows, key=lambda row: row.longest_ideal)
 

@@ -68,7 +68,8 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     if not isinstance(road, UniformRoad):
         raise ConfigError("roads: those that change along the way are not scattered; setting = 'located' has them")
     tyre = jax.tree.map(lambda c: around(c, scatter.curve), road.tyre)
-    loop = _with_car(setup.loop_of(None, UniformRoad(tyre)), around, scatter)
+    nominal = setup.loop_of(None, UniformRoad(tyre), which=[row.which for row in lanes])
+    loop = _with_car(nominal, around, scatter)
     lag = None if setup.brake.lag is None else around(setup.brake.lag, scatter.lag)
     speed = around([row.speed for row in lanes], scatter.speed)
     phase = rng.uniform(size=count) * config.sampled_period
@@ -82,7 +83,7 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     horizon = SAFETY_HORIZON * slowest + 1.0
     seeds = rng.integers(LARGEST_SEED, size=count)
     noise = rng.uniform(0.0, scatter.noise, count)
-    sensor = _sensors(setup, seeds, noise, scatter, stand_in)
+    sensor = _sensors(setup, _radius(nominal), seeds, noise, scatter, stand_in)
     if isinstance(sensor, EncoderSensor) and isinstance(loop, ClosedLoop):
         plant: Any = loop.plant
         sensor = sensor.rolled(speed / plant.wheel.radius)
@@ -138,26 +139,31 @@ def _accelerometer(config: TuningConfig, seeds, rng: np.random.Generator) -> Acc
     return dataclasses.replace(own, bias=own.bias * rng.normal(size=len(seeds)), seed=seeds)
 
 
-def _sensors(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensors:
+def _radius(loop: Any) -> Any:
+    """R of a wheel, as the control unit knows it."""
+    return loop.plant.wheel.radius if isinstance(loop, ClosedLoop) else loop.vehicle.wheels[0].radius
+
+
+def _sensors(setup: Setup, radius: Any, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensors:
     """What is measured with: of a vehicle at each wheel, of its own seed."""
     if setup.sensor is not None:
         return setup.sensor
     if setup.config.vehicle is None:
-        return _sensor(setup, seeds, noise, scatter, stand_in)
+        return _sensor(setup, radius, seeds, noise, scatter, stand_in)
     own = ((seeds + APART * wheel) % LARGEST_SEED for wheel in range(setup.config.vehicle.wheels))
-    return tuple(_sensor(setup, of_wheel, noise, scatter, stand_in) for of_wheel in own)
+    return tuple(_sensor(setup, radius, of_wheel, noise, scatter, stand_in) for of_wheel in own)
 
 
-def _sensor(setup: Setup, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensor:
+def _sensor(setup: Setup, radius: Any, seeds, noise, scatter: Scatter, stand_in: bool) -> Sensor:
     config = setup.config
     if config.setting != "chain":
-        return NoisySensor(noise if scatter.noise else None, float(setup.wheel.radius), seeds)
+        return NoisySensor(noise if scatter.noise else None, radius, seeds)
     chain = setup.chain()
     if stand_in:
         edges = DelayedSensor(float(TEETH), float(EVENTS), left=scatter.tolerance / np.sqrt(3), phase=phase_of(seeds))
         return edges if chain is None else chain.stand_in(edges)
     encoder = Encoder.random([int(seed) for seed in seeds], TEETH, scatter.tolerance)
-    fastest = 1.2 * max(row.speed for row in rows_of(config)) / float(setup.wheel.radius)
+    fastest = 1.2 * max(row.speed for row in rows_of(config)) / float(np.min(radius))
     capacity = capacity_for(fastest * config.sampled_period / encoder.pitch)
     told = measured_chain(TEETH, EVENTS) if chain is None else chain.chain(config.chain)
     return EncoderSensor(encoder, told, rolling=ROLLING, period=config.sampled_period, capacity=capacity)

@@ -2,10 +2,11 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from absjax.controllers.base import Controller
+from absjax.lanes import chosen
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.delayed_loop import DelayedLoop, nodes_of
 from absjax.loop.driver import Driver
@@ -13,6 +14,7 @@ from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.sampled_vehicle import SampledVehicle
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.observers.base import Observer
+from absjax.observers.tyres import on_tyres
 from absjax.plant.base import Plant, Road
 from absjax.plant.brake import Brake
 from absjax.plant.road import as_road
@@ -20,7 +22,7 @@ from absjax.plant.test_rig import TestRig
 from absjax.plant.wheel import Wheel
 from absjax.sensors.base import Sensor
 from absjax.tyres.surfaces import SURFACES
-from tuning.cars.entry import of_axle
+from tuning.cars.entry import VehicleEntry, of_axle
 from tuning.controllers.chain import LEARNING, PREFIX, Chain, of_chain, of_controller
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import in_control_unit
@@ -56,7 +58,7 @@ class Setup:
         """
         wheel, design = components.built("wheel", Wheel, config.wheel), config.design
         if config.vehicle is not None:
-            wheel = _axle_wheel(config, 0)
+            wheel = _axle_wheel(config.vehicle, 0)
         try:
             brake = Brake(config.rate_limit, config.lag, None if config.predicts else config.delay)
             driver = Driver(config.pedal_rate, config.foot_delay, config.driver_pressure)
@@ -80,15 +82,22 @@ class Setup:
             of_kind = {**LEARNING[config.chain], **of_chain(config.start)}
             initial |= {PREFIX + name: value for name, value in components.initial(Chain, of_kind).items()}
         setup = cls(config, config.kind, wheel, brake, driver, observer, sensor, initial, step)
-        setup.loop_of()
+        setup.loop_of(which=() if config.vehicle is None else range(len(config.vehicle.each)))
         setup.chain()
         return setup
 
-    def controller(self, values: Mapping[str, Any] | None = None, axle: int = 0) -> Controller:
-        """The controller of given parameters, of the initial ones without; of a vehicle that of an axle."""
+    def controller(
+        self, values: Mapping[str, Any] | None = None, axle: int = 0, vehicle: VehicleEntry | None = None
+    ) -> Controller:
+        """The controller of given parameters, of the initial ones without; of a vehicle that of an axle.
+
+        Args:
+            vehicle: one of the configuration's; the first of them without.
+        """
         values, wheel = of_controller({**self.initial, **(values or {})}), self.wheel
-        if self.config.vehicle is not None:
-            values, wheel = of_axle(values, axle), _axle_wheel(self.config, axle)
+        vehicle = vehicle or self.config.vehicle
+        if vehicle is not None:
+            values, wheel = of_axle(values, axle), _axle_wheel(vehicle, axle)
         return components.built("start", self.kind, values, wheel)
 
     def chain(self, values: Mapping[str, Any] | None = None) -> Chain | None:
@@ -99,22 +108,44 @@ class Setup:
         return components.built("start", Chain, {**LEARNING[kind], **of_chain({**self.initial, **(values or {})})})
 
     def loop_of(
-        self, values: Mapping[str, Any] | None = None, road: Any = SURFACES["dry_asphalt"], pedal_rate: Any = None
+        self,
+        values: Mapping[str, Any] | None = None,
+        road: Any = SURFACES["dry_asphalt"],
+        pedal_rate: Any = None,
+        which: Sequence[int] = (),
     ) -> ClosedLoop | VehicleLoop:
-        """The loop of given parameters, of a vehicle where there is one, else of one wheel; see `loop`."""
+        """The loop of given parameters, of a vehicle where there is one, else of one wheel; see `loop`.
+
+        Args:
+            which: of the vehicles of the configuration in each lane; the first without.
+        """
         vehicle = self.config.vehicle
         if vehicle is None:
             return self.loop(self.controller(values), road, pedal_rate)
-        controllers, observers = [], []
-        for axle in range(2):
-            controllers.append(self.controller(values, axle))
-            design, wheel = self.config.design, _axle_wheel(self.config, axle)
-            built = None if design is None else design(**self.config.observer_parameters).observer(wheel)
-            observers.append(built)
+        loops = [self._vehicle_loop(values, one) for one in vehicle.each]
+        try:
+            loop = chosen(loops, which) if len(which) else loops[0]
+        except ValueError:
+            raise ConfigError("vehicle.car: all cars or none must have a relaxation length") from None
+        car: Any = loop.vehicle
+        roads = (as_road(road),) * vehicle.wheels
         driver = self.driver if pedal_rate is None else dataclasses.replace(self.driver, rate=pedal_rate)
-        model = vehicle.vehicle((as_road(road),) * vehicle.wheels)
+        return dataclasses.replace(loop, vehicle=dataclasses.replace(car, roads=roads), driver=driver)
+
+    def _vehicle_loop(self, values: Mapping[str, Any] | None, vehicle: VehicleEntry) -> VehicleLoop:
+        """That of one vehicle, on dry asphalt."""
+        model = vehicle.vehicle((as_road("dry_asphalt"),) * vehicle.wheels)
+        controllers = [self.controller(values, axle, vehicle) for axle in range(2)]
+        observers = [self._observer_of(vehicle, axle) for axle in range(2)]
         stop_speed = self.config.stop_speed_kmh / 3.6
-        return vehicle.loop(model, self.brake, controllers, observers, stop_speed, driver)
+        return vehicle.loop(model, self.brake, controllers, observers, stop_speed, self.driver)
+
+    def _observer_of(self, vehicle: VehicleEntry, axle: int) -> Observer | None:
+        """That of an axle; one that knows of relaxed tyres has the length of the car's."""
+        if self.config.design is None:
+            return None
+        observer = self.config.design(**self.config.observer_parameters).observer(_axle_wheel(vehicle, axle))
+        return on_tyres(observer, vehicle.cars[0].relaxation)
 
     def plant(self, road: Road) -> Plant:
         """What is braked, on a road."""
@@ -204,8 +235,7 @@ def _without(prefix: str, values: Mapping[str, Any]) -> dict[str, Any]:
     return {name.removeprefix(prefix): value for name, value in values.items() if name.startswith(prefix)}
 
 
-def _axle_wheel(config: TuningConfig, axle: int) -> Wheel:
-    """A wheel of an axle of the configured vehicle, with its load at rest."""
-    vehicle = config.vehicle
+def _axle_wheel(vehicle: VehicleEntry, axle: int) -> Wheel:
+    """A wheel of an axle of a vehicle, with its load at rest."""
     model = vehicle.vehicle((as_road("dry_asphalt"),) * vehicle.wheels)
     return model.wheels[axle * vehicle.wheels // 2]

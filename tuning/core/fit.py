@@ -34,8 +34,8 @@ class SearchConfig(Entries):
         tune: names of the parameters to tune; those declared trainable when empty.
         limits: (low, high) by parameter; where not given, what the component declares.
         objective: over the losses of the ensemble: 'mean', 'worst', 'balanced' (a weighted mean of both), 'cvar' (the
-            mean of the worst), 'power' (a power mean).
-        tail: share of the ensemble that is the worst, for 'cvar'.
+            mean of the worst), 'mean_and_cvar' (half of each), 'power' (a power mean).
+        tail: share of the ensemble that is the worst, for 'cvar' and 'mean_and_cvar'.
         starts: descents run together; screened: random starts they are chosen from.
         scatter: standard deviation of the random starts, on the scales of `tuning.core.box`.
         generations: of evolution from the best of the random starts, on what they are chosen by; what it finds is the
@@ -47,6 +47,7 @@ class SearchConfig(Entries):
         patience: iterations without a better cost after which the descent ends; None: it goes on to the last.
         refinements: generations of evolution from the winner of the descents, on what counts in the end.
         evolutions: how often that is tried, with other draws.
+        population: points of a generation; None: as many as the problem takes.
     """
 
     start: Values = dataclasses.field(default_factory=dict)
@@ -66,6 +67,7 @@ class SearchConfig(Entries):
     patience: Count | None = None
     refinements: Whole = 40
     evolutions: Count = 1
+    population: Annotated[Count, Field(ge=4)] | None = None
 
     def __post_init__(self):
         require("screened", self.screened, self.screened >= self.starts, "at least as many as starts")
@@ -179,7 +181,7 @@ class _Fit:
         evolution.run(
             of_generation if self.in_batches else costs,
             judge=costs if self.in_batches else None,
-            count=self.problem.population,
+            count=self.search.population or self.problem.population,
             seed=seed,
             told=self._tell,
             **how,

@@ -10,10 +10,14 @@ VEHICLE_STUDY = About(
         "published scenario": "Errors while the controllers act: of the speed, of the load as reckoned from the "
         "acceleration, of XBS; how many of its zero crossings the estimate finds, and how long it takes after a change "
         "of the road.",
+        "observers told": "The same of observers that are told another relaxation length of the tyres, or none.",
         "distances": "Distance over the ideal one of the car under the same pedal, mean and worst of all roads and "
         "speeds: default sets, sets tuned on a quarter car, and sets tuned on the car.",
         "roads that change": "The same of five phases where the road changes along the way: to less friction, to more, "
         "and a patch; no set was tuned on these.",
+        "further roads": "On others, by which nothing has been chosen either.",
+        "wheels that slide": "On all roads that change: a wheel that is let go of whenever it stands, and locks again, "
+        "has no long lock, and slides all the same.",
         "speed.png": "Speed of the car, estimated speed and rims; dashed lines: changes of the road.",
         "pressure.png": "Pressure in front and behind.",
         "load.png": "Loads of the axles, true and as reckoned from the measured acceleration.",

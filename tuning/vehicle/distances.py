@@ -27,6 +27,8 @@ CONTROLLERS = "five_phase", "two_phase", "slip", "bosch", "production"
 """Those of tables; two-phase goes by the true XBS here."""
 TO_STOP_KMH = 15.0
 """Below this speed relaxed tyres and a control unit's tick leave little to control."""
+MOST_EVENTS = 2500
+"""Switchings a stop may make, of all channels."""
 SETTINGS = "located", "sampled 1 ms", "sampled, estimated speed"
 CHANGING = tuple(
     Surfaces(surfaces, changes, speeds)
@@ -40,12 +42,26 @@ CHANGING = tuple(
         (("dry_asphalt", "wet_asphalt"), (25.0,), (100.0,)),
     )
 )
-"""Roads that change along the way; none is tuned on."""
+"""Roads that change along the way; none is tuned on, but sets have been chosen by them."""
+FURTHER = tuple(
+    Surfaces(surfaces, changes, speeds)
+    for surfaces, changes, speeds in (
+        (("dry_concrete", "wet_cobblestones"), (35.0,), (110.0,)),
+        (("snow", "wet_asphalt"), (30.0,), (90.0,)),
+        (("dry_asphalt", "snow"), (60.0,), (130.0,)),
+        (("wet_cobblestones", "snow"), (15.0,), (70.0,)),
+        (("wet_asphalt", "snow", "wet_asphalt"), (30.0, 60.0), (110.0,)),
+        (("snow", "dry_concrete", "snow"), (20.0, 35.0), (80.0,)),
+        (("dry_cobblestones", "wet_asphalt", "dry_cobblestones"), (15.0, 40.0), (100.0,)),
+    )
+)
+"""Others, by which nothing has been tuned or chosen."""
 
 
 class Found(NamedTuple):
-    """One set of a controller in one setting, over the rows of a configuration."""
+    """One set of a controller in one setting on one vehicle, over the rows of a configuration."""
 
+    vehicle: str
     controller: str
     set: str
     setting: str
@@ -88,10 +104,11 @@ def sets_of(controller: str, axles: bool) -> dict[str, dict[str, float]]:
 
 
 def compared(config: TuningConfig, sets: Mapping[str, Mapping[str, float]]) -> list[Found]:
-    """Sets of one controller in every setting, over the rows of a configuration."""
-    vehicle = config.vehicle
+    """Sets of one controller in every setting, over the rows of a configuration, on each of its vehicles."""
+    vehicle, rows = config.vehicle, rows_of(config)
     told = dataclasses.replace(vehicle, speed="kalman", speed_parameters={})
-    names = tuple(f"{row.name}, {row.speed_kmh:g} km/h" for row in rows_of(config))
+    names = np.array([f"{row.name}, {row.speed_kmh:g} km/h" for row in rows])
+    own = {one.name: np.array([row.which == i for row in rows]) for i, one in enumerate(vehicle.each)}
     order = tuple(next(iter(sets.values())))
     values = {name: np.array([chosen[name] for chosen in sets.values()]) for name in order}
     found = []
@@ -103,23 +120,26 @@ def compared(config: TuningConfig, sets: Mapping[str, Mapping[str, float]]) -> l
         excess = np.where(stopped, np.asarray(judged.stops.distance) / batch.ideal[:, None] - 1, np.nan)
         locks = np.asarray(judged.stops.longest_lock[0])
         found += [
-            Found(config.controller, name, setting, excess[:, i], locks[:, i], names) for i, name in enumerate(sets)
+            Found(one, config.controller, name, setting, excess[mine, i], locks[mine, i], tuple(names[mine]))
+            for one, mine in own.items()
+            for i, name in enumerate(sets)
         ]
     return found
 
 
 def distances(
-    car: Any, laden: bool, roads: Sequence[Any], speeds_kmh: tuple[float, ...], controllers: Sequence[str] = CONTROLLERS
+    cars: Sequence[str], roads: Sequence[Any], speeds_kmh: tuple[float, ...], controllers: Sequence[str] = CONTROLLERS
 ) -> list[Found]:
-    """Every set of every controller in every setting on a car."""
-    found = []
+    """Every set of every controller in every setting on cars, unladen and laden."""
+    found, vehicle = [], {"car": list(cars), "laden": [False, True], "sets": "own"}
     for controller in controllers:
         config = TuningConfig(
             controller=controller,
             roads=tuple(roads),
             speeds_kmh=speeds_kmh,
             stop_speed_kmh=TO_STOP_KMH,
-            vehicle={"car": car, "laden": laden, "sets": "own"},
+            vehicle=vehicle,
+            max_events=MOST_EVENTS,
         )
         found += compared(config, sets_of(controller, axles=True))
     return found

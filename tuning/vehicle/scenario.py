@@ -7,8 +7,7 @@ the pedal, 200 bar/s, is ours: what brings both axles near their peaks when the 
 Source: Aguado-Rojas 2019, section 3.6, Figs 3.15 to 3.19.
 """
 
-import dataclasses
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -29,10 +28,10 @@ from absjax.observers.clamped import Clamped
 from absjax.observers.designs import Adaptive
 from absjax.observers.load import at_load
 from absjax.observers.run import advance
+from absjax.observers.tyres import on_tyres
 from absjax.plant.brake import Brake
 from absjax.plant.road import ChangingRoad
 from absjax.plant.two_axle import TwoAxle
-from absjax.plant.wheel import Wheel
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
 from absjax.tyres.surfaces import SURFACES
@@ -47,6 +46,8 @@ C2, C2_C3 = (4.0, 120.0), (0.05, 60.0)
 """What roads have, but for ice: c and d of the adaptive observer are projected onto it."""
 ROUND = 0.5
 """Time the source gives an estimate after a change of the road [s]."""
+LENGTHS: dict[str, float | None] = {"none": None, "half": 0.5, "0.8": 0.8, "all": 1.0, "1.25": 1.25, "twice": 2.0}
+"""Shares of the true relaxation length that observers are told; None: of a tyre without one."""
 NEAR = 0.05
 """Distance in time within which a zero crossing of the estimate belongs to one of the true XBS [s]."""
 
@@ -92,6 +93,8 @@ def ride(
 ) -> Ride:
     """The scenario with the speed estimated, or known where there is no estimator.
 
+    The observers know the relaxation length of the tyres; `rides_told` of others.
+
     Args:
         bias: of the accelerometer, where there is an estimator [m/s^2].
         noise: of it, standard deviation of a sample [m/s^2].
@@ -100,6 +103,20 @@ def ride(
     Raises:
         RuntimeError: if the car has not stopped by then.
     """
+    unit, path = _driven(loop, estimator, bias, noise)
+    return _ride(unit, loop, path, design or Adaptive(), 1.0)
+
+
+def rides_told(
+    loop: VehicleLoop, estimator: SpeedEstimator, shares: Mapping[str, float | None] = LENGTHS
+) -> dict[str, Ride]:
+    """The same by what the observers are told of the relaxation length: a share of it, or None of any."""
+    unit, path = _driven(loop, estimator, 0.5, 0.1)
+    return {name: _ride(unit, loop, path, Adaptive(), share) for name, share in shares.items()}
+
+
+def _driven(loop: VehicleLoop, estimator: SpeedEstimator | None, bias: float, noise: float):
+    """The control unit, and the path from the first sample on."""
     accelerometer = None if estimator is None else Accelerometer(bias, noise)
     unit = SampledVehicle(loop, (), estimator, accelerometer)
     result = stop(unit, jnp.asarray(SPEED), horizon=HORIZON, step=PERIOD, max_events=EVENTS, save_every=1)
@@ -107,12 +124,12 @@ def ride(
         raise RuntimeError(f"the scenario ends {Outcome(int(result.outcome)).name}")
     path = result.rollout.path
     keep = np.asarray(path.valid) & (np.asarray(path.time) > 0.5 * PERIOD)
-    path = jax.tree.map(lambda leaf: np.asarray(leaf)[keep], path)
-    return _ride(unit, loop, path, design or Adaptive())
+    return unit, jax.tree.map(lambda leaf: np.asarray(leaf)[keep], path)
 
 
-def _ride(unit: SampledVehicle, loop: VehicleLoop, path, design: Adaptive) -> Ride:
+def _ride(unit: SampledVehicle, loop: VehicleLoop, path, design: Adaptive, share: float | None) -> Ride:
     vehicle: Any = loop.vehicle
+    length = None if share is None else share * vehicle.relaxation
     state, told = path.state.loop, path.state.unit.samples
     true = jax.vmap(loop.measured)(path.time, state, path.mode)
     acceleration, speed = (np.asarray(getattr(true[0], f"vehicle_{name}")) for name in ("acceleration", "speed"))
@@ -126,9 +143,10 @@ def _ride(unit: SampledVehicle, loop: VehicleLoop, path, design: Adaptive) -> Ri
     estimates = []
     for samples, loads in zip((told, tuple(map(Sample.of, true))), known_loads):
         pairs = zip(samples, loads, vehicle.wheels, active)
-        estimates.append(
-            np.stack([_while_active(_observer(design, w, vehicle), s, load / w.load, on) for s, load, w, on in pairs])
+        observed = (
+            _while_active(on_tyres(design.observer(w), length), s, load / w.load, on) for s, load, w, on in pairs
         )
+        estimates.append(np.stack(list(observed)))
     return Ride(
         time=np.asarray(path.time),
         speed=speed,
@@ -144,10 +162,6 @@ def _ride(unit: SampledVehicle, loop: VehicleLoop, path, design: Adaptive) -> Ri
     )
 
 
-def _observer(design: Adaptive, wheel: Wheel, vehicle: TwoAxle) -> AdaptiveObserver:
-    return dataclasses.replace(design.observer(wheel), relaxation=vehicle.relaxation)
-
-
 def _arrays(values) -> np.ndarray:
     return np.stack([np.asarray(value) for value in values])
 
@@ -155,13 +169,13 @@ def _arrays(values) -> np.ndarray:
 def _while_active(observer: AdaptiveObserver, samples: Sample, shares: np.ndarray, active: np.ndarray) -> np.ndarray:
     """XBS (samples,) as an observer estimates it from where the controller begins to act, 0 before."""
     first = int(np.argmax(active))
-    found = _observed(observer, jax.tree.map(lambda x: jnp.asarray(x)[first:], samples), shares[first:])
+    found = stiffness_along(observer, jax.tree.map(lambda x: jnp.asarray(x)[first:], samples), shares[first:])
     return np.concatenate([np.zeros(first), np.asarray(found)])
 
 
 @jax.jit
-def _observed(observer: AdaptiveObserver, samples: Sample, shares) -> jax.Array:
-    """The same along samples (samples,), the load known as a share of that at rest."""
+def stiffness_along(observer: AdaptiveObserver, samples: Sample, shares) -> jax.Array:
+    """XBS (samples,) as an observer estimates it along samples, the load known as a share of that at rest."""
     first, shares = jax.tree.map(lambda x: x[0], samples), jnp.asarray(shares)
 
     def body(carry, after):

@@ -1,6 +1,6 @@
 """The study of whole vehicles: the published scenario, distances of cars, split mu, and what channels cost."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,8 +14,9 @@ from tuning.controllers.recipes import car_sets
 from tuning.core.figures import save
 from tuning.core.report import Report
 from tuning.vehicle import figures
-from tuning.vehicle.distances import CHANGING, Found, distances
-from tuning.vehicle.scenario import Ride, figures_of, ride, scenario_loop
+from tuning.vehicle.distances import CHANGING, FURTHER, Found, distances
+from tuning.vehicle.scenario import Ride, figures_of, ride, rides_told, scenario_loop
+from tuning.vehicle.slides import slides
 
 UNBIASED = {"bias_drift": 1e-4, "bias_deviation": 0.05, "rim_noise": 1.0}
 """Of a filter that hardly believes in a bias of its accelerometer: it coasts on one of 0.5 m/s^2."""
@@ -30,10 +31,12 @@ FILTERS: dict[str, SpeedEstimator | None] = {
 def study(out: Path) -> Iterator[Report]:
     """Every table and figure of whole vehicles."""
     yield scenario(out)
-    for car in shipped_cars():
-        for laden in (False, True):
-            yield cars(car, laden)
-            yield changing(car, laden)
+    cars = tuple(shipped_cars())
+    yield _over_ideal("distances", distances(cars, ROADS, SPEEDS_KMH))
+    yield _over_ideal("roads that change", distances(cars, CHANGING, SPEEDS_KMH, ("five_phase",)))
+    yield _over_ideal("further roads that change", distances(cars, FURTHER, SPEEDS_KMH, ("five_phase",)))
+    found = slides(cars, CHANGING + FURTHER, SPEEDS_KMH)
+    yield Report({"wheels that slide: slip below -0.8 above 15 km/h, five-phase, speed estimated": found}, [], [])
 
 
 def scenario(out: Path) -> Report:
@@ -55,19 +58,26 @@ def scenario(out: Path) -> Report:
         save(figures.stiffness_figure(told, from_truth=True), out / "stiffness_compared.png"),
         save(figures.stiffness_figure(told, from_truth=False), out / "stiffness.png"),
     ]
-    return Report({"published scenario: estimates while the controllers act": rows}, [], files)
+    told_of = rides_told(loop, KalmanSpeed(wheels=1))
+    lengths = [
+        {"told of the relaxation length": name, "axle": axle, **figures_of(found, i)}
+        for name, found in told_of.items()
+        for i, axle in enumerate(figures.AXLES)
+    ]
+    tables = {
+        "published scenario: estimates while the controllers act": rows,
+        "observers told a share of the relaxation length, published scenario": lengths,
+    }
+    return Report(tables, [], files)
 
 
-def cars(car: str, laden: bool) -> Report:
-    """Distances of a car over its ideal, every controller."""
-    return _over_ideal("distances", car, laden, distances(car, laden, ROADS, SPEEDS_KMH))
-
-
-def changing(car: str, laden: bool) -> Report:
-    """The same of five phases where the road changes along the way."""
-    return _over_ideal("roads that change", car, laden, distances(car, laden, CHANGING, SPEEDS_KMH, ("five_phase",)))
-
-
-def _over_ideal(what: str, car: str, laden: bool, found: Iterable[Found]) -> Report:
-    title = f"{what} {car} {'laden' if laden else 'unladen'}: from the pedal to 15 km/h, over the ideal of the car"
-    return Report({title: [one.row() for one in found]}, [], [])
+def _over_ideal(what: str, found: Sequence[Found]) -> Report:
+    """A table for each vehicle."""
+    vehicles = dict.fromkeys(one.vehicle for one in found)
+    tables = {
+        f"{what} {vehicle}: from the pedal to 15 km/h, over the ideal of the car": [
+            one.row() for one in found if one.vehicle == vehicle
+        ]
+        for vehicle in vehicles
+    }
+    return Report(tables, [], [])

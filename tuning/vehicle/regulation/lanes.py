@@ -21,7 +21,7 @@ HORIZON = 16.0
 """Longest time of a stop, s: 120 km/h at a braking rate of 0.19."""
 SAVED = 5e-3
 """Time between two points that are kept, s; speed is straight in between to 1e-3 m/s."""
-MAX_EVENTS = 1000
+MAX_EVENTS = 2500
 DRIVER = YawDriver(yaw_gain=0.5, heading_gain=1.0, lag=0.1, largest=0.26)
 """A practised one, who keeps a car that pulls to a side straight; the steering wheel is turned by 240 deg at most."""
 TILE = 14

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from absjax.controllers import PREDICTIVE
 from tuning.cars.car import CarFigures, shipped_cars
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import tuned_sets
@@ -22,14 +23,14 @@ OWN = "own"
 
 
 def cars_of(config: TuningConfig, names: Sequence[str] | None) -> dict[str, CarFigures]:
-    """Cars by name; all that are shipped, or those named: `OWN` is the one of the configuration.
+    """Cars by name; all that are shipped, or those named: `OWN` is the one of the configuration, if it has one.
 
     Raises:
         ConfigError: if there is no such car.
     """
     known = dict(shipped_cars())
-    if config.vehicle is not None:
-        known[OWN] = config.vehicle.figures
+    if config.vehicle is not None and len(config.vehicle.cars) == 1:
+        known[OWN] = config.vehicle.cars[0]
     names = tuple(shipped_cars()) if names is None else names
     for name in names:
         choice("--cars", name, known)
@@ -118,4 +119,6 @@ def config_of(data: Any, controller: str | None) -> TuningConfig:
     """
     if (data is None) == (controller is None):
         raise ConfigError("one of --config and --controller is needed: a result or configuration, or a shipped set")
+    if controller in PREDICTIVE:
+        raise ConfigError(f"--controller: {controller} predicts over a delay, for one wheel, not for a car")
     return TuningConfig.from_json(data) if controller is None else shipped_set(controller)
