@@ -213,7 +213,7 @@ def test_what_nobody_should_buy_is_charged():
         ({"starts": 0}, r"starts = 0: must be greater than or equal to 1"),
         ({"iterations": 2.5}, r"iterations = 2\.5: must be a valid integer"),
         ({"iterations": True}, r"iterations = True: must be an integer, not a boolean"),
-        ({"objective": "best"}, r"objective = 'best': must be 'mean', 'worst', 'balanced', 'cvar' or 'power'"),
+        ({"objective": "best"}, r"objective = 'best': must be 'mean', 'worst', 'balanced', 'cvar', 'mean_and_cvar' or"),
         ({"reference": "published", "roads": ["snow"]}, r"no distance is published for snow from 60 km/h"),
         ({"controller": "six_phase"}, r"controller: 'six_phase' is unknown; there are five_phase"),
         ({"controller": "nowhere:Phase"}, r"controller: 'nowhere:Phase' cannot be imported: No module named 'nowhere'"),
