@@ -76,8 +76,10 @@ def rolling_rows(
 
 
 def opened(estimator: KalmanSpeed, factor: float) -> KalmanSpeed:
-    """The filter with its gates wider by a factor: the larger, the more a wheel is trusted while it slips."""
-    return with_values(estimator, {gate: getattr(estimator, gate) * factor for gate in GATES})
+    """The filter with its gates wider by a factor, and its slip per braking smaller: the larger, the more a wheel is
+    trusted while it slips, as if it rolled."""
+    wider = {gate: getattr(estimator, gate) * factor for gate in GATES}
+    return with_values(estimator, wider | {"slip": estimator.slip / factor})
 
 
 def gates_for(bench: Bench, estimator: KalmanSpeed, error: float = PUBLISHED_ERROR) -> float | None:
