@@ -1,7 +1,7 @@
 """The mode of a loop of several channels: what each of them, each wheel and the foot do, in one integer.
 
 Bits from the lowest: for each channel its phase, as many as it takes, two for its pressure, and one for which of two
-wheels it goes by; one for each locked wheel; two for the foot. 0 is how a manoeuvre begins. Modes below zero are ends.
+wheels it goes by; two for each wheel; two for the foot. 0 is how a manoeuvre begins. Modes below zero are ends.
 """
 
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ class Layout(NamedTuple):
     @property
     def width(self) -> int:
         """All of them."""
-        return sum(self.phases) + 2 * len(self.phases) + sum(self.choices) + self.wheels + 2
+        return sum(self.phases) + 2 * len(self.phases) + sum(self.choices) + 2 * self.wheels + 2
 
 
 class VehicleMode(NamedTuple):
@@ -35,7 +35,8 @@ class VehicleMode(NamedTuple):
     """ON_PEDAL, FREE or AT_ZERO of `absjax.loop._modes`"""
     chosen: tuple[Any, ...]
     """0 or 1: which of its wheels a channel goes by"""
-    locked: tuple[Any, ...]
+    wheels: tuple[Any, ...]
+    """TURNING, SLIDING or LOCKED of `absjax.loop.wheel_lock`"""
     foot: Any
 
     def encoded(self, layout: Layout):
@@ -49,9 +50,9 @@ class VehicleMode(NamedTuple):
             if choice:
                 number = number + (chosen << place)
             place += choice
-        for locked in self.locked:
-            number = number + (locked << place)
-            place += 1
+        for wheel in self.wheels:
+            number = number + (wheel << place)
+            place += 2
         number = number + (self.foot << place)
         for phase in reversed(self.phases):
             number = jnp.where(jnp.asarray(phase) < 0, phase, number)
@@ -68,6 +69,6 @@ def decoded(mode, layout: Layout) -> VehicleMode:
         return low
 
     channels = [(take(bits), take(2), take(choice)) for bits, choice in zip(layout.phases, layout.choices)]
-    locked = tuple(take(1) for _ in range(layout.wheels))
+    wheels = tuple(take(2) for _ in range(layout.wheels))
     phases, pressures, chosen = zip(*channels)
-    return VehicleMode(phases, pressures, chosen, locked, take(2))
+    return VehicleMode(phases, pressures, chosen, wheels, take(2))

@@ -109,7 +109,7 @@ class BrakedVehicle:
 
     def locked(self, mode) -> tuple[Any, ...]:
         """Whether each wheel is locked in `mode`."""
-        return tuple((jnp.asarray(mode) >= 0) & (locked == 1) for locked in self.parts(mode).locked)
+        return tuple((jnp.asarray(mode) >= 0) & (wheel == wheel_lock.LOCKED) for wheel in self.parts(mode).wheels)
 
     def initial_state(self, speed) -> VehicleLoopState:
         """State of free rolling at `speed` [m/s] with the brakes released."""
@@ -151,10 +151,12 @@ class BrakedVehicle:
         measured = self.vehicle.signals(time, state.vehicle, slope, pressures)
         return tuple(
             signals._replace(
-                acceleration_offset=jnp.where(locked == 1, -signals.vehicle_acceleration, signals.acceleration_offset),
+                acceleration_offset=jnp.where(
+                    does == wheel_lock.LOCKED, -signals.vehicle_acceleration, signals.acceleration_offset
+                ),
                 pedal=pedal,
             )
-            for signals, locked in zip(measured, parts.locked)
+            for signals, does in zip(measured, parts.wheels)
         )
 
     def measured(self, time, state: VehicleLoopState, mode) -> tuple[Signals, ...]:
@@ -209,7 +211,7 @@ class BrakedVehicle:
             pressure_limits.granted(Mode(pressure, pressure), rate, pedal_slope)
             for pressure, rate in zip(parts.pressures, rates)
         ]
-        turning = tuple(map(wheel_lock.held, parts.locked, self.vehicle.wheel_speeds_of(slope)))
+        turning = tuple(map(wheel_lock.held, parts.wheels, self.vehicle.wheel_speeds_of(slope)))
         nothing = jax.tree.map(lambda _: None, state)
         channels = tuple(
             held._replace(brake=channel.brake.flow(own.brake, rate))

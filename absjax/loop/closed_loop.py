@@ -4,7 +4,7 @@
 control unit. The controller and its observer act on the brake (`absjax.loop.channel`); around them three things switch
 by themselves, all of them located and differentiated through:
 
-    the wheel locks and comes free                              `absjax.loop.wheel_lock`
+    the wheel slides, locks, comes free                         `absjax.loop.wheel_lock`
     the manoeuvre ends at the stop speed, or the foot moves     here and `absjax.loop.driver`
     the pressure comes to rest on the pedal's or at zero, and leaves    `absjax.loop.pressure_limits`
 
@@ -23,7 +23,8 @@ from absjax.loop import pressure_limits, wheel_lock
 from absjax.loop._modes import FREE, ON_PEDAL, Mode, decoded
 from absjax.loop.channel import Channel, ChannelState
 from absjax.loop.driver import HELD, NEVER, OFF, PRESSING, Driver, FreeRamp, Pedal
-from absjax.loop.memory import Course, Locks, Memory
+from absjax.loop.memory import Course, Memory, Sliding
+from absjax.loop.wheel_lock import LOCKED
 from absjax.observers.base import Observer
 from absjax.parameters import model, parameter, part
 from absjax.plant.base import Actuator, Plant
@@ -124,16 +125,15 @@ class ClosedLoop:
 
     def locked(self, mode):
         """Whether the wheel is locked in `mode`."""
-        return (jnp.asarray(mode) >= 0) & (self._parts(mode).locked == 1)
+        return (jnp.asarray(mode) >= 0) & (self._parts(mode).wheel == LOCKED)
 
-    def locks(self, time, state: LoopState, mode) -> Locks:
-        """When the wheel was locked until now, one that lasts included."""
-        locks = state.memory.locks
-        return tree_where(self.locked(mode), locks.ended(time, self.plant.speed_of(time, state.plant)), locks)
+    def sliding(self, time, state: LoopState) -> Sliding:
+        """How the wheel slid until now, what lasts included."""
+        return state.memory.wheel.until(time, self.plant.speed_of(time, state.plant))
 
     def course(self, time, state: LoopState, mode) -> Course:
         """What is known of the manoeuvre until now."""
-        memory = state.memory._replace(locks=self.locks(time, state, mode))
+        memory = state.memory._replace(wheel=self.sliding(time, state))
         longest = memory.control.longest_until(time, memory.pedal_time)
         longest = 0.0 * longest if self.controller.cycle_phase is None else longest
         speed, position = self.plant.speed_of(time, state.plant), self.plant.position(time, state.plant)
@@ -157,7 +157,7 @@ class ClosedLoop:
         signals = self.plant.signals(time, state.plant, self.wheel_pressure(state))
         parts = self._parts(mode)
         standing = -signals.vehicle_acceleration
-        offset = jnp.where(parts.locked == 1, standing, signals.acceleration_offset)
+        offset = jnp.where(parts.wheel == LOCKED, standing, signals.acceleration_offset)
         signals = signals._replace(acceleration_offset=offset)
         if self.foot is None:
             return signals
@@ -185,7 +185,7 @@ class ClosedLoop:
             rate = pressure_limits.granted(parts, rate, slope)
             pedal = Pedal(slope, None)
         plant = self.plant.flow(time, state.plant, self.wheel_pressure(state))
-        plant = self.plant.with_wheel_speed(plant, wheel_lock.held(parts.locked, self.plant.wheel_speed_of(plant)))
+        plant = self.plant.with_wheel_speed(plant, wheel_lock.held(parts.wheel, self.plant.wheel_speed_of(plant)))
         observer, controller, memory = jax.tree.map(lambda _: None, (state.observer, state.controller, state.memory))
         return LoopState(plant, self.brake.flow(state.brake, rate), pedal, observer, controller, memory)
 
@@ -199,21 +199,25 @@ class ClosedLoop:
         parts = self._parts(mode)
         turning = self.plant.flow(time, state.plant, self.wheel_pressure(state))
         speeds = self.plant.wheel_speed_of(state.plant), self.plant.wheel_speed_of(turning)
-        guards = (wheel_lock.guard(parts.locked, *speeds),)
+        guards = (wheel_lock.guard(parts.wheel, *speeds, self._deep(time, state)),)
         if self._ends:
             guards += (jnp.maximum(*self._ending(time, state, parts)),)
         if self.foot is not None:
             guards += (pressure_limits.guard(self.foot, state.brake, state.pedal, parts, rate),)
         return guards
 
+    def _deep(self, time, state: LoopState):
+        return wheel_lock.deep(self.plant.speed_of(time, state.plant), self.plant.wheel.radius)
+
     def meet_limit(self, time, state: LoopState, mode, slot) -> tuple[LoopState, jax.Array]:
         """State and mode after guard `slot` of `limits` has fired."""
         parts = self._parts(mode)
-        speeds = self.plant.wheel_speed_of(state.plant), state.memory.locks
-        turning, locks, locked = wheel_lock.met(parts.locked, *speeds, time, self.plant.speed_of(time, state.plant))
+        speeds = self.plant.wheel_speed_of(state.plant), self._deep(time, state)
+        course = state.memory.wheel, time, self.plant.speed_of(time, state.plant)
+        turning, wheel, does = wheel_lock.met(parts.wheel, *speeds, *course)
         plant = self.plant.with_wheel_speed(state.plant, turning)
-        met = state._replace(plant=plant, memory=state.memory._replace(locks=locks))
-        cases = [(met, parts._replace(locked=locked))]
+        met = state._replace(plant=plant, memory=state.memory._replace(wheel=wheel))
+        cases = [(met, parts._replace(wheel=does))]
         if self._ends:
             cases.append(self._end_or_move(time, state, parts))
         if self.foot is not None:
@@ -234,12 +238,10 @@ class ClosedLoop:
         end, foot = self._ending(time, state, parts)
         ends = end >= foot
         finished = parts._replace(phase=jnp.full_like(parts.phase, FINISHED))
-        over = self.locks(time, state, parts.encoded(self._phases))
-        last = state._replace(memory=state.memory._replace(locks=over))
         if self.foot is None:
-            return last, finished
+            return state, finished
         moved, following = self._moved(self.foot, time, state, parts)
-        return tree_where(ends, last, moved), tree_where(ends, finished, following)
+        return tree_where(ends, state, moved), tree_where(ends, finished, following)
 
     def _moved(self, driver: Driver, time, state: LoopState, parts: Mode) -> tuple[LoopState, Mode]:
         """State and mode after the foot has moved, or the pedal has arrived where it rests."""
@@ -259,8 +261,8 @@ class ClosedLoop:
         """State and mode after the controller's guard `slot` has fired on `signals`."""
         time, parts = signals.time, self._parts(mode)
         channel, following, cycles = self.channel.switch(signals, state.channel, parts.phase, slot)
-        speed, position = self.plant.speed_of(time, state.plant), self.plant.position(time, state.plant)
-        memory = state.memory._replace(control=state.memory.control.switched(time, speed, position, cycles))
+        control = state.memory.control.switched(time, self.plant.speed_of(time, state.plant), cycles)
+        memory = state.memory._replace(control=control)
         pressure = ON_PEDAL if self.foot is None else FREE
         state = state.with_channel(channel)._replace(memory=memory)
         return state, parts._replace(phase=following, pressure=pressure).encoded(self._phases)

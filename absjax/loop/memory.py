@@ -1,4 +1,4 @@
-"""What a manoeuvre remembers of its course: the pedal, the first switching, the cycles, the locks."""
+"""What a manoeuvre remembers of its course: the pedal, the first switching, the cycles, how wheels slid."""
 
 from typing import NamedTuple
 
@@ -10,17 +10,24 @@ from absjax._numerics import safe_divide
 LOCK_SPEEDS = (15 / 3.6, 2.5 / 3.6)
 """Vehicle speeds above which lock is counted, m/s: regulation tolerates it below the first (UN R13-H, annex 6), the
 source below the second (Aguado-Rojas 2019, section 2.3)."""
+DEEP_SLIP = -0.8
+"""Slip below which a wheel slides: a tyre has a fifth of its lateral force left there, and less. A wheel that is let go
+of for a moment whenever it stands has no long lock, and slides all the same."""
+
+
+NONE = -1.0
+"""When none began."""
 
 
 class Locks(NamedTuple):
-    """When the wheel was locked; scalars per lane, those with two entries by `LOCK_SPEEDS`."""
+    """When a wheel was locked; scalars per lane, those with two entries by `LOCK_SPEEDS`."""
 
     count: jax.Array
     """how often"""
     since: jax.Array
-    """when the last one began, s"""
+    """when the one that lasts began, s, or `NONE`"""
     speed: jax.Array
-    """vehicle speed then, m/s"""
+    """vehicle speed when the last one began, m/s"""
     time: tuple[jax.Array, jax.Array]
     """spent locked above each speed, s"""
     longest: tuple[jax.Array, jax.Array]
@@ -30,25 +37,67 @@ class Locks(NamedTuple):
     def blank(cls, speed) -> "Locks":
         """Of a manoeuvre that begins at `speed` [m/s]."""
         zero = 0.0 * speed
-        return cls(zero, zero, zero, (zero, zero), (zero, zero))
+        return cls(zero, zero + NONE, zero, (zero, zero), (zero, zero))
 
-    def begun(self, time, speed) -> "Locks":
-        """With a lock that begins now."""
-        return self._replace(count=self.count + 1, since=time + 0.0 * speed, speed=speed)
-
-    def ended(self, time, speed) -> "Locks":
-        """With the last one over now. A locked wheel slides: what of it was above a speed follows from its two ends."""
-        lasted, lost = time - self.since, self.speed - speed
-        above = [
-            jnp.where(
-                speed >= limit, lasted, lasted * safe_divide(jnp.maximum(self.speed - limit, 0.0), lost, lost > 0)
-            )
-            for limit in LOCK_SPEEDS
-        ]
-        return self._replace(
+    def after(self, begins, ends, time, speed) -> "Locks":
+        """Where one `begins` now, or the one that lasts `ends`."""
+        above = [jnp.where(ends, _above(limit, self, time, speed), 0.0) for limit in LOCK_SPEEDS]
+        return Locks(
+            count=self.count + begins,
+            since=jnp.where(begins, time, jnp.where(ends, NONE, self.since)),
+            speed=jnp.where(begins, speed, self.speed),
             time=tuple(total + more for total, more in zip(self.time, above)),
             longest=tuple(jnp.maximum(longest, more) for longest, more in zip(self.longest, above)),
         )
+
+
+class Slides(NamedTuple):
+    """When a wheel had a slip below `DEEP_SLIP`, locks included; scalars per lane."""
+
+    since: jax.Array
+    """when the one that lasts began, s, or `NONE`"""
+    speed: jax.Array
+    """vehicle speed when the last one began, m/s"""
+    time: jax.Array
+    """in all above the first of `LOCK_SPEEDS`, s"""
+
+    @classmethod
+    def blank(cls, speed) -> "Slides":
+        """Of a manoeuvre that begins at `speed` [m/s]."""
+        zero = 0.0 * speed
+        return cls(zero + NONE, zero, zero)
+
+    def after(self, begins, ends, time, speed) -> "Slides":
+        """Where one `begins` now, or the one that lasts `ends`."""
+        return Slides(
+            since=jnp.where(begins, time, jnp.where(ends, NONE, self.since)),
+            speed=jnp.where(begins, speed, self.speed),
+            time=self.time + jnp.where(ends, _above(LOCK_SPEEDS[0], self, time, speed), 0.0),
+        )
+
+
+def _above(limit: float, began: Locks | Slides, time, speed):
+    """How much of the one that lasts was above a vehicle speed [s]. While a wheel slides the vehicle loses its speed
+    all but evenly: that follows from the two ends."""
+    lasted, lost = time - began.since, began.speed - speed
+    share = safe_divide(jnp.maximum(began.speed - limit, 0.0), lost, lost > 0)
+    return jnp.where(speed >= limit, lasted, lasted * share)
+
+
+class Sliding(NamedTuple):
+    """How a wheel slid."""
+
+    slides: Slides
+    locks: Locks
+
+    @classmethod
+    def blank(cls, speed) -> "Sliding":
+        """Of a manoeuvre that begins at `speed` [m/s]."""
+        return cls(Slides.blank(speed), Locks.blank(speed))
+
+    def until(self, time, speed) -> "Sliding":
+        """With what lasts ended now."""
+        return Sliding(*(one.after(False, one.since != NONE, time, speed) for one in self))
 
 
 class Cycles(NamedTuple):
@@ -58,8 +107,6 @@ class Cycles(NamedTuple):
     """when the controller first switched, s"""
     onset_speed: jax.Array
     """vehicle speed then, m/s"""
-    onset_position: jax.Array
-    """distance travelled until then, m"""
     cycles: jax.Array
     """times the controller has entered its cycle phase"""
     cycle_time: jax.Array
@@ -71,16 +118,15 @@ class Cycles(NamedTuple):
     def blank(cls, speed) -> "Cycles":
         """Of a manoeuvre that begins at `speed` [m/s]."""
         zero = 0.0 * speed
-        return cls(zero, speed, zero, zero, zero, zero)
+        return cls(zero, speed, zero, zero, zero)
 
-    def switched(self, time, speed, position, cycles) -> "Cycles":
+    def switched(self, time, speed, cycles) -> "Cycles":
         """After a switching of the controller; `cycles`: whether a cycle begins with it."""
         first = self.onset_time == 0
         longest = jnp.maximum(self.longest_cycle, time - self.cycle_time)
         return Cycles(
             onset_time=jnp.where(first, time, self.onset_time),
             onset_speed=jnp.where(first, speed, self.onset_speed),
-            onset_position=jnp.where(first, position, self.onset_position),
             cycles=self.cycles + cycles,
             cycle_time=jnp.where(cycles, time, self.cycle_time),
             longest_cycle=jnp.where(cycles & ~first, longest, self.longest_cycle),
@@ -99,13 +145,13 @@ class Memory(NamedTuple):
     pedal_position: jax.Array
     """distance travelled until then, m"""
     control: Cycles
-    locks: Locks
+    wheel: Sliding
 
     @classmethod
     def blank(cls, speed) -> "Memory":
         """Of a manoeuvre that begins at `speed` [m/s]."""
         zero = 0.0 * speed
-        return cls(zero, zero, Cycles.blank(speed), Locks.blank(speed))
+        return cls(zero, zero, Cycles.blank(speed), Sliding.blank(speed))
 
     def pressed(self, first, time, position) -> "Memory":
         """After a move of the foot, where it is the `first`: the pedal is touched."""
@@ -119,14 +165,13 @@ class VehicleMemory(NamedTuple):
     pedal_position: jax.Array
     control: tuple[Cycles, ...]
     """of each channel"""
-    locks: tuple[Locks, ...]
-    """of each wheel"""
+    wheels: tuple[Sliding, ...]
 
     @classmethod
     def blank(cls, speed, channels: int, wheels: int) -> "VehicleMemory":
         """Of a manoeuvre that begins at `speed` [m/s]."""
         zero = 0.0 * speed
-        return cls(zero, zero, (Cycles.blank(speed),) * channels, (Locks.blank(speed),) * wheels)
+        return cls(zero, zero, (Cycles.blank(speed),) * channels, (Sliding.blank(speed),) * wheels)
 
     def pressed(self, first, time, position) -> "VehicleMemory":
         """After a move of the foot, where it is the `first`: the pedal is touched."""
@@ -148,6 +193,6 @@ class Course(NamedTuple):
     position: jax.Array
     """distance travelled [m]"""
     memory: Memory
-    """locks that last included"""
+    """slides and locks that last included"""
     longest_cycle: jax.Array
     """the cycle that lasts included, s; 0 where nothing cycles"""

@@ -55,13 +55,16 @@ class Stop(NamedTuple):
             Table 4.1). What is lost before the first switching does not count in it.
         onset_time: of the first switching, from the first touch of the pedal [s]; 0 without one.
         onset_speed: vehicle speed then [m/s].
-        events: switchings, those of the brake at its limits and the end included.
+        events: switchings, those of the brake at its limits, of the wheel that slides or locks, and the end included.
         cycles: cycles of the controller.
         longest_cycle: longest time between the starts of two cycles, or from the last one to the end [s]:
             a controller that sticks in a phase shows here. Differentiable. 0 for one that does not cycle.
         lock_time: how long the wheel was locked above 15 km/h, and above 2.5 km/h [s]. Differentiable.
         longest_lock: longest lock above 15 km/h, and above 2.5 km/h [s]. Differentiable.
         locks: how often the wheel locked.
+        slide_time: how long the wheel slid at a slip below -0.8 above 15 km/h, in all [s]; of a vehicle the wheel that
+            slid longest. A wheel that is let go of for a moment whenever it stands shows here, not in its locks.
+            Differentiable.
         end_speed: vehicle speed at the end [m/s].
         outcome: an `Outcome` code.
         rollout: the rollout behind it.
@@ -79,6 +82,7 @@ class Stop(NamedTuple):
     lock_time: tuple[jax.Array, jax.Array]
     longest_lock: tuple[jax.Array, jax.Array]
     locks: jax.Array
+    slide_time: jax.Array
     end_speed: jax.Array
     outcome: jax.Array
     rollout: Rollout
@@ -152,7 +156,7 @@ def stop(
 def _assessed(loop: Stoppable, speed, result: Rollout) -> Stop:
     time = loop_time(result.time, result.state)
     end = loop.course(time, loop_state(result.state), result.mode)
-    control, locks = end.memory.control, end.memory.locks
+    control, (slides, locks) = end.memory.control, end.memory.wheel
     active = time - control.onset_time
     mean_friction = safe_divide(control.onset_speed - end.speed, GRAVITY * active, active > 0)
     outcome = jnp.select(
@@ -185,6 +189,7 @@ def _assessed(loop: Stoppable, speed, result: Rollout) -> Stop:
         lock_time=locks.time,
         longest_lock=locks.longest,
         locks=locks.count,
+        slide_time=slides.time,
         end_speed=end.speed,
         outcome=outcome,
         rollout=result,

@@ -17,7 +17,7 @@ from absjax.loop._modes import FREE, ON_PEDAL, Mode
 from absjax.loop._vehicle_modes import VehicleMode
 from absjax.loop.braked_vehicle import BrakedVehicle, VehicleLoopState
 from absjax.loop.driver import NEVER, OFF, PRESSING
-from absjax.loop.memory import Course, Locks, Memory
+from absjax.loop.memory import Course, Memory, Sliding
 from absjax.parameters import model
 from absjax.results import FINISHED
 from absjax.signals import Signals
@@ -46,10 +46,11 @@ class VehicleLoop(BrakedVehicle):
         return self.with_observers(channels, told, state, driven)
 
     def limits(self, time, state: VehicleLoopState, parts: VehicleMode, slope, rates) -> tuple[Any, ...]:
-        """Guards that are no controller's: the wheels' locks, the pressures' limits, the choices of a wheel, and last
-        the end of the manoeuvre and the moves of the foot."""
+        """Guards that are no controller's: of wheels, pressures, choices of a wheel, and last of the end of the
+        manoeuvre and the moves of the foot."""
         speeds = self.vehicle.wheel_speeds_of(state.vehicle)
-        guards = list(map(wheel_lock.guard, parts.locked, speeds, self.vehicle.wheel_speeds_of(slope)))
+        turning = self.vehicle.wheel_speeds_of(slope)
+        guards = list(map(wheel_lock.guard, parts.wheels, speeds, turning, self._deep(time, state)))
         for own, pressure, rate in zip(state.channels, parts.pressures, rates):
             does = Mode(pressure, pressure, 0, parts.foot)
             guards.append(pressure_limits.guard(self.driver, own.brake, state.pedal, does, rate))
@@ -101,7 +102,7 @@ class VehicleLoop(BrakedVehicle):
     def switch(self, channels, told: tuple[Signals, ...], state: VehicleLoopState, parts: VehicleMode, fires, slots):
         """State and mode after the guards `slots` of the channels that `fires` names have fired on what is `told`."""
         time = told[0].time
-        speed, position = self.vehicle.speed_of(time, state.vehicle), self.vehicle.position(time, state.vehicle)
+        speed = self.vehicle.speed_of(time, state.vehicle)
         owns, phases, pressures, memories = [], [], [], []
         everything = zip(
             channels, told, state.channels, parts.phases, parts.pressures, state.memory.control, fires, slots
@@ -111,19 +112,19 @@ class VehicleLoop(BrakedVehicle):
             owns.append(tree_where(fired, after, own))
             phases.append(jnp.where(fired, following, phase))
             pressures.append(jnp.where(fired, FREE, pressure))
-            memories.append(tree_where(fired, memory.switched(time, speed, position, cycles), memory))
+            memories.append(tree_where(fired, memory.switched(time, speed, cycles), memory))
         state = state._replace(channels=tuple(owns), memory=state.memory._replace(control=tuple(memories)))
         return state, parts._replace(phases=tuple(phases), pressures=tuple(pressures))
 
     def meet_limit(self, time, state: VehicleLoopState, parts: VehicleMode, slot):
         """State and mode after guard `slot` of `limits` has fired."""
         speed = self.vehicle.speed_of(time, state.vehicle)
-        speeds, all_locks, locked = list(self.vehicle.wheel_speeds_of(state.vehicle)), [], []
-        for i, (lock, locks) in enumerate(zip(parts.locked, state.memory.locks)):
-            turning, after, follows = wheel_lock.met(lock, speeds[i], locks, time, speed)
+        speeds, slid, wheels_do = list(self.vehicle.wheel_speeds_of(state.vehicle)), [], []
+        for i, (does, bound, wheel) in enumerate(zip(parts.wheels, self._deep(time, state), state.memory.wheels)):
+            turning, after, follows = wheel_lock.met(does, speeds[i], bound, wheel, time, speed)
             speeds[i] = jnp.where(slot == i, turning, speeds[i])
-            all_locks.append(tree_where(slot == i, after, locks))
-            locked.append(jnp.where(slot == i, follows, lock))
+            slid.append(tree_where(slot == i, after, wheel))
+            wheels_do.append(jnp.where(slot == i, follows, does))
         first, owns, pressures = len(speeds), [], []
         for i, (own, pressure) in enumerate(zip(state.channels, parts.pressures)):
             brake, does = pressure_limits.met(own.brake, state.pedal, Mode(pressure, pressure))
@@ -138,16 +139,15 @@ class VehicleLoop(BrakedVehicle):
         state = state._replace(
             vehicle=self.vehicle.with_wheel_speeds(state.vehicle, tuple(speeds)),
             channels=tuple(owns),
-            memory=state.memory._replace(locks=tuple(all_locks)),
+            memory=state.memory._replace(wheels=tuple(slid)),
         )
-        parts = parts._replace(pressures=tuple(pressures), chosen=tuple(chosen), locked=tuple(locked))
+        parts = parts._replace(pressures=tuple(pressures), chosen=tuple(chosen), wheels=tuple(wheels_do))
         return tree_where(slot == first, self._end_or_move(time, state, parts), (state, parts))
 
     def _end_or_move(self, time, state: VehicleLoopState, parts: VehicleMode):
         end, foot = self._ending(time, state, parts)
         finished = parts._replace(phases=tuple(jnp.full_like(phase, FINISHED) for phase in parts.phases))
-        last = state._replace(memory=state.memory._replace(locks=self._locks(time, state, parts)))
-        return tree_where(end >= foot, (last, finished), self._moved(time, state, parts))
+        return tree_where(end >= foot, (state, finished), self._moved(time, state, parts))
 
     def _moved(self, time, state: VehicleLoopState, parts: VehicleMode):
         """State and mode after the foot has moved, or the pedal has arrived where it rests."""
@@ -167,20 +167,20 @@ class VehicleLoop(BrakedVehicle):
         )
         return tree_where(released, (anew, begins), (moved, following))
 
-    def _locks(self, time, state: VehicleLoopState, parts: VehicleMode) -> tuple[Locks, ...]:
-        """Of each wheel when it was locked until now, a lock that lasts included."""
+    def _deep(self, time, state: VehicleLoopState) -> tuple[Any, ...]:
+        """Of each wheel the speed below which it slides [rad/s]."""
         speed = self.vehicle.speed_of(time, state.vehicle)
-        return tuple(
-            tree_where(locked == 1, locks.ended(time, speed), locks)
-            for locked, locks in zip(parts.locked, state.memory.locks)
-        )
+        return tuple(wheel_lock.deep(speed, wheel.radius) for wheel in self.vehicle.wheels)
+
+    def sliding(self, time, state: VehicleLoopState) -> tuple[Sliding, ...]:
+        """How each wheel slid until now, what lasts included."""
+        speed = self.vehicle.speed_of(time, state.vehicle)
+        return tuple(wheel.until(time, speed) for wheel in state.memory.wheels)
 
     def course(self, time, state: VehicleLoopState, mode) -> Course:
         """What is known of the manoeuvre until now: of channels and wheels together the first switching, the fewest
-        cycles, the longest cycle and the longest lock."""
-        memory, going = state.memory, jnp.asarray(mode) >= 0
-        current = self._locks(time, state, self.parts(mode))
-        locks = [tree_where(going, now, before) for now, before in zip(current, memory.locks)]
+        cycles, the longest cycle, the longest lock and of the wheels the longest slide."""
+        memory, slid = state.memory, self.sliding(time, state)
         cycling = [
             control.longest_until(time, memory.pedal_time)
             for control, channel in zip(memory.control, self.channels)
@@ -191,8 +191,8 @@ class VehicleLoop(BrakedVehicle):
         first = jnp.argmin(jnp.stack(onsets), axis=0)
         control = jax.tree.map(lambda *values: pick(first, values), *memory.control)
         control = control._replace(cycles=jnp.stack([own.cycles for own in memory.control]).min(axis=0))
-        worst = jax.tree.map(lambda *values: jnp.stack(values).max(axis=0), *locks)
-        worst = worst._replace(count=sum(own.count for own in locks))
+        worst = jax.tree.map(lambda *values: jnp.stack(values).max(axis=0), *slid)
+        worst = worst._replace(locks=worst.locks._replace(count=sum(wheel.locks.count for wheel in slid)))
         speed, position = self.vehicle.speed_of(time, state.vehicle), self.vehicle.position(time, state.vehicle)
         return Course(speed, position, Memory(memory.pedal_time, memory.pedal_position, control, worst), longest)
 

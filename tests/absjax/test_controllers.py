@@ -24,6 +24,7 @@ from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import HELD, FreeRamp
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, stop
+from absjax.loop.wheel_lock import LOCKED
 from absjax.observers.adaptive import AdaptiveObserver
 from absjax.plant.brake import Brake
 from absjax.plant.quarter_car import QuarterCar
@@ -405,7 +406,7 @@ def test_five_phases_let_go_of_a_wheel_that_stands():
         road, brake = UniformRoad(SURFACES["snow"]), Brake(rate_limit=750.0, lag=5e-3)
         loop = ClosedLoop(QuarterCar(Wheel(), road), brake, FivePhase(ways_back=ways_back))
         state = loop.braking(30.0, -1.0, 1.0)._replace(brake=brake.initial_state(60.0))
-        mode = Mode(4, FREE, 1, HELD).encoded(len(FivePhase.phases))
+        mode = Mode(4, FREE, LOCKED, HELD).encoded(len(FivePhase.phases))
         path = rollout(loop, state, mode, step=2e-3, steps=500, max_events=50, save_every=1).path
         locked = np.asarray(loop.locked(path.mode))
         assert locked[:5].all() and locked[100:].any() != lets_go

@@ -14,7 +14,7 @@ from absjax.controllers.five_phase import FivePhase
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.loop.driver import Driver, FreeRamp
 from absjax.loop.ideal import ideal_distance
-from absjax.loop.memory import LOCK_SPEEDS
+from absjax.loop.memory import DEEP_SLIP, LOCK_SPEEDS
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, stop
 from absjax.plant.brake import Brake
@@ -40,6 +40,11 @@ def loop_of(controller=CONTROLLER, driver=DRIVER, road=None, **brake) -> ClosedL
     return ClosedLoop(car, Brake(**{"rate_limit": RATE_LIMIT, "lag": LAG, **brake}), controller, END, driver=driver)
 
 
+def above_limits(time, speed, began, from_speed):
+    """How much of what began at a time and speed was above each of `LOCK_SPEEDS` [s]."""
+    return (time - began) * np.clip((from_speed - np.array(LOCK_SPEEDS)) / (from_speed - speed), 0.0, 1.0)
+
+
 class ByHand:
     """What the foot, the pressure, the wheel and the controller do; y = v, w, x, P, lagged, pedal."""
 
@@ -48,6 +53,7 @@ class ByHand:
         self.phase, self.pressure, self.locked, self.foot, self.moves = 0, "pedal", False, "off", 0
         self.entered = 0.0
         self.lock_began, self.lock_time, self.locks, self.seen = None, np.zeros(2), 0, set()
+        self.slide_began, self.slide_time = None, 0.0
 
     def spin(self, y):
         return spin(y[0], y[1], min(max(y[4], 0.0), y[5]), COEFFICIENTS)
@@ -71,7 +77,13 @@ class ByHand:
     def edges(self, t, y):
         """(name, guard value); a guard fires where it rises through zero."""
         x, found = self.x2(y), [("stop", END - y[0])]
-        found.append(("free", self.spin(y)) if self.locked else ("lock", -y[1]))
+        bound = (1 + DEEP_SLIP) * y[0] / RADIUS
+        if self.locked:
+            found.append(("free", self.spin(y)))
+        elif self.slide_began is None:
+            found.append(("slide", bound - y[1]))
+        else:
+            found += [("lock", -y[1]), ("turns", y[1] - bound)]
         if self.phase > 0 or self.foot != "off":
             ways = five_phase.edges(self.phase, x, self.p)
             ways += five_phase.ways_back(self.phase, x, t - self.entered, self.p, RADIUS * y[1])
@@ -104,7 +116,12 @@ class ByHand:
             self.locked, self.lock_began, self.locks, y[1] = True, (t, y[0]), self.locks + 1, 0.0
         elif name == "free":
             self.locked, y[1] = False, 1e-6
-            self.count(t, y)
+            self.lock_time += above_limits(t, y[0], *self.lock_began)
+        elif name == "slide":
+            self.slide_began = t, y[0]
+        elif name == "turns":
+            self.slide_time += above_limits(t, y[0], *self.slide_began)[0]
+            self.slide_began = None
         elif name == "foot":
             self.foot = "lifting" if self.moves % 2 else "pressing"
             self.moves += 1
@@ -119,11 +136,6 @@ class ByHand:
         elif name == "leaves":
             self.pressure = "free"
 
-    def count(self, t, y):
-        began, speed = self.lock_began
-        for i, limit in enumerate(LOCK_SPEEDS):
-            self.lock_time[i] += (t - began) * min(1.0, max(speed - limit, 0.0) / (speed - y[0]))
-
     def run(self):
         y, t = np.array([SPEED, SPEED / RADIUS, 0.0, 0.0, 0.0, 0.0]), 0.0
         while True:
@@ -135,7 +147,9 @@ class ByHand:
             name = self.edges(t, y)[fired][0]
             if name == "stop":
                 if self.locked:
-                    self.count(t, y)
+                    self.lock_time += above_limits(t, y[0], *self.lock_began)
+                if self.slide_began is not None:
+                    self.slide_time += above_limits(t, y[0], *self.slide_began)[0]
                 return t, y
             self.jump(name, t, y)
 
@@ -156,6 +170,8 @@ def test_a_stop_with_lock_and_a_pedal_pressed_twice_against_scipy(by_hand):
     assert float(result.distance) == pytest.approx(y[2] - 0.03 * SPEED, abs=2e-5)
     assert int(result.locks) == hand.locks
     np.testing.assert_allclose([float(x) for x in result.lock_time], hand.lock_time, atol=5e-6)
+    assert hand.seen >= {"slide", "turns"} and hand.slide_time > hand.lock_time[0] + 0.01
+    assert float(result.slide_time) == pytest.approx(hand.slide_time, abs=5e-6)
 
 
 @pytest.fixture(scope="module")
@@ -169,7 +185,7 @@ def neighbours():
         result = stop(
             loop_of(FivePhase(eps0=90.0, eps4=60.0 * eps4, eps5=90.0, u1=3000.0), driver, road), SPEED, horizon=8.0
         )
-        return jnp.stack([result.distance, result.lock_time[0]], axis=-1), result
+        return jnp.stack([result.distance, result.lock_time[0], result.slide_time], axis=-1), result
 
     h = 1e-6
     values, result = total(jnp.array([h, -h]))

@@ -100,7 +100,7 @@ def summary(ride: Ride) -> dict[str, Any]:
     source, target = (np.asarray(ride.loop.phase(np.asarray(x))) for x in (log.source, log.target))
     entered = np.asarray(log.time)[(target == ride.loop.controller.cycle_phase) & (source != target)]
     cycles = np.histogram(entered, [0.0, *CHANGES, DURATION + 1.0])[0]
-    locks = ride.loop.locks(ride.result.time, ride.result.state, ride.result.mode)
+    locks = ride.loop.sliding(ride.result.time, ride.result.state).locks
     end = float(ride.result.time)
     return {
         "controller": ride.label,
@@ -121,7 +121,7 @@ def share_locked(loop: ClosedLoop) -> float:
     result = rollout(
         loop, loop.initial_state(jnp.asarray(SPEED)), step=STEP, steps=round(DURATION / STEP), max_events=800
     )
-    return float(np.mean(np.asarray(loop.locks(result.time, result.state, result.mode).time[0]) > 0))
+    return float(np.mean(np.asarray(loop.sliding(result.time, result.state).locks.time[0]) > 0))
 
 
 def tracking_figure(rides: list[Ride]):

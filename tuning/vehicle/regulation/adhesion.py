@@ -67,7 +67,7 @@ def tested(loops: VehicleLoop, pressures: np.ndarray) -> tuple[np.ndarray, np.nd
     found = _stopped(dataclasses.replace(loops, driver=dataclasses.replace(loops.driver, largest=pressures)))
     path = found.rollout.path
     rates = jax.vmap(lambda t, v: braking_rate(t, v, HIGH * KMH, LOW * KMH))(path.time, path.state.vehicle.speed)
-    locks = jnp.stack([wheel.speed for wheel in found.rollout.state.memory.locks])
+    locks = jnp.stack([wheel.locks.speed for wheel in found.rollout.state.memory.wheels])
     return np.asarray(rates), np.asarray((locks > LOW * KMH).any(axis=0))
 
 
