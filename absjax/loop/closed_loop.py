@@ -137,7 +137,7 @@ class ClosedLoop:
         longest = memory.control.longest_until(time, memory.pedal_time)
         longest = 0.0 * longest if self.controller.cycle_phase is None else longest
         speed, position = self.plant.speed_of(time, state.plant), self.plant.position(time, state.plant)
-        return Course(speed, position, memory, longest)
+        return Course(speed, position, memory, longest, (memory.wheel.slides.time,))
 
     @property
     def _phases(self) -> int:

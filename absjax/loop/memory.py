@@ -196,3 +196,5 @@ class Course(NamedTuple):
     """slides and locks that last included"""
     longest_cycle: jax.Array
     """the cycle that lasts included, s; 0 where nothing cycles"""
+    slide_time: tuple[jax.Array, ...]
+    """of each wheel, above 15 km/h, what lasts included, s"""

@@ -62,9 +62,8 @@ class Stop(NamedTuple):
         lock_time: how long the wheel was locked above 15 km/h, and above 2.5 km/h [s]. Differentiable.
         longest_lock: longest lock above 15 km/h, and above 2.5 km/h [s]. Differentiable.
         locks: how often the wheel locked.
-        slide_time: how long the wheel slid at a slip below -0.8 above 15 km/h, in all [s]; of a vehicle the wheel that
-            slid longest. A wheel that is let go of for a moment whenever it stands shows here, not in its locks.
-            Differentiable.
+        slide_time: of each wheel how long it had a slip below -0.8 above 15 km/h, in all [s]. One that is let go of for
+            a moment whenever it stands shows here, not in its locks. Differentiable.
         end_speed: vehicle speed at the end [m/s].
         outcome: an `Outcome` code.
         rollout: the rollout behind it.
@@ -82,7 +81,7 @@ class Stop(NamedTuple):
     lock_time: tuple[jax.Array, jax.Array]
     longest_lock: tuple[jax.Array, jax.Array]
     locks: jax.Array
-    slide_time: jax.Array
+    slide_time: tuple[jax.Array, ...]
     end_speed: jax.Array
     outcome: jax.Array
     rollout: Rollout
@@ -156,7 +155,7 @@ def stop(
 def _assessed(loop: Stoppable, speed, result: Rollout) -> Stop:
     time = loop_time(result.time, result.state)
     end = loop.course(time, loop_state(result.state), result.mode)
-    control, (slides, locks) = end.memory.control, end.memory.wheel
+    control, locks = end.memory.control, end.memory.wheel.locks
     active = time - control.onset_time
     mean_friction = safe_divide(control.onset_speed - end.speed, GRAVITY * active, active > 0)
     outcome = jnp.select(
@@ -189,7 +188,7 @@ def _assessed(loop: Stoppable, speed, result: Rollout) -> Stop:
         lock_time=locks.time,
         longest_lock=locks.longest,
         locks=locks.count,
-        slide_time=slides.time,
+        slide_time=end.slide_time,
         end_speed=end.speed,
         outcome=outcome,
         rollout=result,

@@ -179,7 +179,7 @@ class VehicleLoop(BrakedVehicle):
 
     def course(self, time, state: VehicleLoopState, mode) -> Course:
         """What is known of the manoeuvre until now: of channels and wheels together the first switching, the fewest
-        cycles, the longest cycle, the longest lock and of the wheels the longest slide."""
+        cycles, the longest cycle and the longest lock; of each wheel how long it slid."""
         memory, slid = state.memory, self.sliding(time, state)
         cycling = [
             control.longest_until(time, memory.pedal_time)
@@ -194,7 +194,8 @@ class VehicleLoop(BrakedVehicle):
         worst = jax.tree.map(lambda *values: jnp.stack(values).max(axis=0), *slid)
         worst = worst._replace(locks=worst.locks._replace(count=sum(wheel.locks.count for wheel in slid)))
         speed, position = self.vehicle.speed_of(time, state.vehicle), self.vehicle.position(time, state.vehicle)
-        return Course(speed, position, Memory(memory.pedal_time, memory.pedal_position, control, worst), longest)
+        worst = Memory(memory.pedal_time, memory.pedal_position, control, worst)
+        return Course(speed, position, worst, longest, tuple(wheel.slides.time for wheel in slid))
 
     def scales(self, state: VehicleLoopState) -> VehicleLoopState:
         """Those of the vehicle and the channels; of all else every share counts."""

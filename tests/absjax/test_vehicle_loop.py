@@ -79,6 +79,18 @@ def test_two_axles_against_scipy(by_hand):
     assert float(result.distance) == pytest.approx(y[1] - DRIVER.delay * SPEED, abs=1e-6)
 
 
+def test_of_each_axle_how_long_it_slides():
+    """Against the instants with a slip below -0.8: the front wheels lock now and then, the rear ones do not."""
+    late = FivePhase(eps0=90.0, eps4=60.0, eps5=90.0, u1=3000.0)
+    result = stopped(loop_of(late), step=1e-3, save_every=1)
+    path = result.rollout.path
+    speed = np.asarray(path.state.vehicle.speed)
+    for wheel, turning, slid in zip(loop_of().vehicle.wheels, path.state.vehicle.wheel_speeds, result.slide_time):
+        deep = np.asarray(path.valid) & (wheel.radius * np.asarray(turning) < 0.2 * speed)
+        assert float(slid) == pytest.approx(1e-3 * deep.sum(), abs=1e-3 * np.abs(np.diff(deep)).sum())
+    assert float(result.slide_time[0]) > float(result.lock_time[0]) > 0.05 > float(result.slide_time[1])
+
+
 def test_fourth_order_with_two_channels(by_hand):
     exact = by_hand[2][1] - DRIVER.delay * SPEED
     # At 4 ms some steps are taken in parts, and the error is that of shorter ones.

@@ -183,11 +183,12 @@ def test_what_nobody_should_buy_is_charged():
     names = ("eps0", "eps4", "eps5")
     sets = np.array([[400.0, 20.0, 30.0], [30.0, 20.0, 500.0], [50.0, 20.0, 30.0]])
     judged = scored(batch, dict(zip(names, sets.T)))
-    distance, lock = judged.stops.distance[0], judged.stops.longest_lock[0][0]
-    assert lock[0] > 1.0 > config.longest_lock > lock[2]
+    distance, lock, slide = judged.stops.distance[0], judged.stops.longest_lock[0][0], judged.stops.slide_time[0][0]
+    assert lock[0] > 1.0 > config.longest_lock > lock[2] and slide[0] > lock[0] > config.slide_time > slide[2]
     ratios = distance / batch.ideal[0]
     idle = np.maximum(judged.stops.longest_cycle[0] - config.longest_cycle, 0.0)
     expected = ratios + 0.05 * idle + 2.0 * np.maximum(lock - config.longest_lock, 0.0)
+    expected += 2.0 * np.maximum(slide - config.slide_time, 0.0)
     ended = judged.stops.outcome[0] == 0
     np.testing.assert_allclose(judged.losses[0][ended], expected[ended], rtol=1e-9)
     assert ended[0] and ended[2]

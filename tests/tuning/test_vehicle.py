@@ -26,7 +26,6 @@ from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.core.config import ConfigError
 from tuning.vehicle.scenario import BLEND, CHANGES, PERIOD, SUBSTEPS, Ride, figures_of, stiffness_along
-from tuning.vehicle.slides import slid
 
 OWN = {
     "controller": "five_phase",
@@ -183,11 +182,3 @@ def test_what_is_told_of_the_scenario():
     assert told["speed error [%]"] == pytest.approx(10.0) and told["load error [%]"] == pytest.approx(3.0)
     assert told["on snow [s]"] == pytest.approx(0.3, abs=2e-3) and told["on wet [s]"] == pytest.approx(0.3, abs=2e-3)
     assert told["apart, median [ms]"] == pytest.approx(20.0, abs=0.5) and 80 < told["found [%]"] <= 100
-
-
-def test_a_wheel_slides_where_it_all_but_stands():
-    """Not above a fifth of the speed, not below 15 km/h, not after the stop; standing or crawling is the same."""
-    speed = np.array([[20.0, 20.0, 20.0, 20.0, 4.0, 20.0]] * 2)
-    rims = np.array([[20.0, 4.1, 3.9, 0.0, 0.0, 0.0], [18.0, 18.0, 18.0, 18.0, 4.0, 18.0]])
-    valid = np.array([[True] * 5 + [False]] * 2)
-    np.testing.assert_array_equal(slid(valid, speed, rims), [2, 0])

@@ -37,6 +37,8 @@ LONG_CYCLE_CHARGE = 0.05
 """Added to a row's ratio for every second by which its longest cycle exceeds the longest allowed."""
 LOCK_CHARGE = 2.0
 """Added for every second by which its longest lock above 15 km/h exceeds the longest allowed."""
+SLIDE_CHARGE = 2.0
+"""Added for every second by which a wheel slides longer than allowed, in all; of a vehicle the one that slides most."""
 FAILURE_CHARGE = 1.0
 """Added to the ratio of a row that does not stop; it guides the choice, not the descent."""
 LEAST_SLOWED = 0.02
@@ -70,6 +72,7 @@ class Batch:
     accelerometer: Accelerometer | None = part("of that unit; None measures without error", default=None)
     longest_cycle: Any = parameter("longest cycle allowed, s", default=1.0)
     longest_lock: Any = parameter("longest lock above 15 km/h allowed, s", default=0.05)
+    slide_time: Any = parameter("longest time in all with a slip below -0.8 above 15 km/h allowed, s", default=0.5)
     horizon: float = 10.0
     step: float = 2e-3
     substeps: int = 1
@@ -139,16 +142,12 @@ class Batch:
             ratio = self._by_row(stops.distance) / jnp.maximum(slowed, LEAST_SLOWED) / self.ideal[:, None]
         return jnp.minimum(ratio, 1 / LEAST_SLOWED)
 
-    def breaches(self, stops: Stop):
-        """By how much the longest cycle and the longest lock are too long [s], and whether it fails, (rows, sets)."""
-        excess = jnp.maximum(self._by_row(stops.longest_cycle) - self.longest_cycle, 0.0)
-        locked = jnp.maximum(self._by_row(stops.longest_lock[0]) - self.longest_lock, 0.0)
-        return excess, locked, self._by_row(stops.outcome) != Outcome.STOPPED
-
     def charges(self, stops: Stop):
-        """What long cycles, long locks and failures are charged, (rows, sets)."""
-        excess, locked, failed = self.breaches(stops)
-        return LONG_CYCLE_CHARGE * excess + LOCK_CHARGE * locked + FAILURE_CHARGE * failed
+        """What long cycles, long locks, slides and failures are charged, (rows, sets)."""
+        cycle = LONG_CYCLE_CHARGE * jnp.maximum(stops.longest_cycle - self.longest_cycle, 0.0)
+        lock = LOCK_CHARGE * jnp.maximum(stops.longest_lock[0] - self.longest_lock, 0.0)
+        slide = SLIDE_CHARGE * jnp.maximum(jnp.stack(stops.slide_time).max(axis=0) - self.slide_time, 0.0)
+        return self._by_row(cycle + lock + slide + FAILURE_CHARGE * (stops.outcome != Outcome.STOPPED))
 
     def losses(self, stops: Stop):
         """Distance over reference with charges, (rows, sets)."""
@@ -239,6 +238,7 @@ def batch_of(setup: Setup) -> Batch:
         accelerometer=None if config.vehicle is None else config.vehicle.accelerometer(),
         longest_cycle=config.longest_cycle,
         longest_lock=config.longest_lock,
+        slide_time=config.slide_time,
         horizon=horizon,
         step=setup.step,
         substeps=setup.substeps(),

@@ -99,6 +99,8 @@ class TuningConfig(SearchConfig):
         longest_cycle: longest time between two cycles a controller may take [s]; one that rests at a
             pressure near the peak is no anti-lock controller, however short it stops.
         longest_lock: longest lock above 15 km/h [s].
+        slide_time: longest time in all that a wheel may have a slip below -0.8 above 15 km/h [s]: one that is let go of
+            for a moment whenever it stands has no long lock, and slides all the same.
         largest_contraction: of the limit cycles on every road, on the true XBS; a set that keeps it is preferred to
             any that does not. None does not constrain them; they are certified all the same.
         cycle_speeds_kmh: speeds at which limit cycles are looked for [km/h].
@@ -144,6 +146,7 @@ class TuningConfig(SearchConfig):
     stop_speed_kmh: Positive = 2.5
     longest_cycle: Positive = 1.0
     longest_lock: NonNegative = 0.05
+    slide_time: NonNegative = 0.5
     largest_contraction: Positive | None = None
     cycle_speeds_kmh: Speeds = (30.0, 60.0, 120.0, 180.0)
     objective: Name = "balanced"

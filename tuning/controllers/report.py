@@ -24,6 +24,7 @@ def tuning_rows(result: TuningResult) -> list[dict[str, Any]]:
             "onset [s]": cell(row.tuned.onset_s),
             "cycles": row.tuned.cycles,
             "lock > 15 km/h [s]": cell(row.sampled.lock_s_above_15, 3),
+            "slide > 15 km/h [s]": cell(row.sampled.slide_s_above_15, 3),
             "quantity: published": cell(row.published),
             "untuned quantity": cell(row.untuned.published_quantity),
             "tuned quantity": cell(row.tuned.published_quantity),
@@ -48,6 +49,7 @@ def split_rows(result: TuningResult) -> list[dict[str, Any]]:
             "worst 5 % [%]": above(row.worst),
             "do not end": row.unfinished,
             "lock > 15 km/h": row.locked,
+            "slide > 15 km/h": "-" if row.slid is None else row.slid,
             "stuck": row.stuck,
         }
         for row in result.splits

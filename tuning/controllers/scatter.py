@@ -98,6 +98,7 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
         accelerometer=_accelerometer(config, seeds, rng),
         longest_cycle=config.longest_cycle,
         longest_lock=config.longest_lock,
+        slide_time=config.slide_time,
         horizon=horizon,
         step=setup.step,
         substeps=setup.substeps(),

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from tuning.controllers.batch import Batch, scored
+from tuning.controllers.batch import Batch, Scored, scored
 from tuning.controllers.scatter import SPLITS, Split, scattered
 from tuning.controllers.setup import Setup
 
@@ -33,11 +33,13 @@ class SplitFigures:
     """stops that lock above 15 km/h for longer than allowed"""
     stuck: int
     """stops with a cycle longer than 1 s"""
+    slid: int | None = None
+    """stops in which a wheel slides for longer than allowed, in all; None in results of earlier versions"""
 
     @property
     def feasible(self) -> bool:
-        """Whether every stop ends and none locks or sticks."""
-        return not (self.unfinished or self.locked or self.stuck)
+        """Whether every stop ends and none locks, slides or sticks."""
+        return not (self.unfinished or self.locked or self.slid or self.stuck)
 
 
 def figures_of(batch: Batch, split: Split, sets: Mapping[str, Mapping[str, float]], grid) -> list[SplitFigures]:
@@ -45,12 +47,13 @@ def figures_of(batch: Batch, split: Split, sets: Mapping[str, Mapping[str, float
     names = tuple(next(iter(sets.values())))
     arrays = {name: np.array([float(values[name]) for values in sets.values()]) for name in names}
     found = scored(batch, arrays, *grid, chunk=len(sets))
-    return [_of(found, split, which, i, float(batch.longest_lock)) for i, which in enumerate(sets)]
+    return [_of(found, split, which, i, batch) for i, which in enumerate(sets)]
 
 
-def _of(found, split: Split, which: str, i: int, longest_lock: float) -> SplitFigures:
+def _of(found: Scored, split: Split, which: str, i: int, batch: Batch) -> SplitFigures:
     ended = np.asarray(found.stops.outcome)[:, i] == 0
     ratios = np.sort(found.ratios[ended, i])
+    slides = np.max(found.stops.slide_time, axis=0)
     tail = ratios[-max(1, round(TAIL * len(ratios))) :]
     return SplitFigures(
         split=split,
@@ -59,7 +62,8 @@ def _of(found, split: Split, which: str, i: int, longest_lock: float) -> SplitFi
         mean=float(ratios.mean()) if len(ratios) else None,
         worst=float(tail.mean()) if len(ratios) else None,
         unfinished=int((~ended).sum()),
-        locked=int((np.asarray(found.stops.longest_lock[0])[:, i] > longest_lock).sum()),
+        locked=int((np.asarray(found.stops.longest_lock[0])[:, i] > batch.longest_lock).sum()),
+        slid=int((slides[:, i] > batch.slide_time).sum()),
         stuck=int((np.asarray(found.stops.longest_cycle)[:, i] > STUCK).sum()),
     )
 

@@ -27,6 +27,8 @@ class StopFigures:
     lock_s_above_2_5: float | None = None
     longest_lock_above_15: float | None = None
     """s"""
+    slide_s_above_15: float | None = None
+    """of the wheel that slides longest"""
 
     @classmethod
     def of(cls, stops: Stop, lane: int) -> "StopFigures":
@@ -43,5 +45,6 @@ class StopFigures:
             lock_s_above_15=float(stops.lock_time[0][lane]),
             lock_s_above_2_5=float(stops.lock_time[1][lane]),
             longest_lock_above_15=float(stops.longest_lock[0][lane]),
+            slide_s_above_15=max(float(time[lane]) for time in stops.slide_time),
             outcome=outcome.name,
         )

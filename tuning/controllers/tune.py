@@ -122,7 +122,7 @@ def worse_apart(splits: list[SplitFigures]) -> list[str]:
     if not tuned.feasible:
         found.append(
             f"in validation {tuned.unfinished} of {tuned.stops} stops do not end, {tuned.locked} lock above 15 km/h, "
-            f"{tuned.stuck} stick"
+            f"{tuned.slid or 0} slide, {tuned.stuck} stick"
         )
     if untuned.mean is not None and (tuned.mean is None or tuned.mean >= untuned.mean):
         but = "" if untuned.feasible else ", but for the limits that one breaks"

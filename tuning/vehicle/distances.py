@@ -8,6 +8,7 @@ wheels and an accelerometer with a bias.
 """
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -29,6 +30,8 @@ TO_STOP_KMH = 15.0
 """Below this speed relaxed tyres and a control unit's tick leave little to control."""
 MOST_EVENTS = 2500
 """Switchings a stop may make, of all channels."""
+MUCH = 0.5
+"""Time in all from which on a wheel that slides is counted, s."""
 SETTINGS = "located", "sampled 1 ms", "sampled, estimated speed"
 CHANGING = tuple(
     Surfaces(surfaces, changes, speeds)
@@ -69,6 +72,8 @@ class Found(NamedTuple):
     """distance over ideal less 1, (rows,); nan where a stop does not end"""
     longest_lock: np.ndarray
     """above 15 km/h [s]"""
+    slide_time: tuple[np.ndarray, ...]
+    """of the wheels of each axle, in all, with a slip below -0.8 above 15 km/h [s]"""
     names: tuple[str, ...]
     """of the rows"""
 
@@ -86,6 +91,11 @@ class Found(NamedTuple):
             "do not end": int(np.sum(~ended)),
             "locked over 0.2 s": int(np.sum(self.longest_lock > 0.2)),
             "longest lock [s]": round(float(np.max(self.longest_lock)), 3),
+            **{
+                f"{axle.rstrip('.')} slides over {MUCH:g} s": int(np.sum(time > MUCH))
+                for axle, time in zip(AXLES, self.slide_time)
+            },
+            "longest slide [s]": round(float(np.max(self.slide_time)), 2),
         }
 
 
@@ -118,12 +128,11 @@ def compared(config: TuningConfig, sets: Mapping[str, Mapping[str, float]]) -> l
         judged = scored(batch, values) if setting == SETTINGS[0] else scored(batch, values, *setup.sampled_grid())
         stopped = np.asarray(judged.stops.outcome) == Outcome.STOPPED
         excess = np.where(stopped, np.asarray(judged.stops.distance) / batch.ideal[:, None] - 1, np.nan)
-        locks = np.asarray(judged.stops.longest_lock[0])
-        found += [
-            Found(one, config.controller, name, setting, excess[mine, i], locks[mine, i], tuple(names[mine]))
-            for one, mine in own.items()
-            for i, name in enumerate(sets)
-        ]
+        locks, wheels = np.asarray(judged.stops.longest_lock[0]), np.asarray(judged.stops.slide_time)
+        slides = wheels.reshape(len(AXLES), -1, *locks.shape).max(axis=1)
+        for (one, mine), (i, name) in itertools.product(own.items(), enumerate(sets)):
+            course = excess[mine, i], locks[mine, i], tuple(slides[:, mine, i])
+            found.append(Found(one, config.controller, name, setting, *course, tuple(names[mine])))
     return found
 
 

@@ -16,7 +16,6 @@ from tuning.core.report import Report
 from tuning.vehicle import figures
 from tuning.vehicle.distances import CHANGING, FURTHER, Found, distances
 from tuning.vehicle.scenario import Ride, figures_of, ride, rides_told, scenario_loop
-from tuning.vehicle.slides import DEEP, slides
 
 UNBIASED = {"bias_drift": 1e-4, "bias_deviation": 0.05, "rim_noise": 1.0}
 """Of a filter that hardly believes in a bias of its accelerometer: it coasts on one of 0.5 m/s^2."""
@@ -35,9 +34,6 @@ def study(out: Path) -> Iterator[Report]:
     yield _over_ideal("distances", distances(cars, ROADS, SPEEDS_KMH))
     yield _over_ideal("roads that change", distances(cars, CHANGING, SPEEDS_KMH, ("five_phase",)))
     yield _over_ideal("further roads that change", distances(cars, FURTHER, SPEEDS_KMH, ("five_phase",)))
-    found = slides(cars, CHANGING + FURTHER, SPEEDS_KMH)
-    title = f"wheels that slide: slip below {DEEP:g} above 15 km/h, five-phase, speed estimated"
-    yield Report({title: found}, [], [])
 
 
 def scenario(out: Path) -> Report:

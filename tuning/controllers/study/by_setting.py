@@ -129,6 +129,7 @@ def cell(figures: SplitFigures) -> str:
         for count, what in (
             (figures.unfinished, "do not end"),
             (figures.locked, "lock"),
+            (figures.slid, "slide"),
             (figures.stuck, "stick"),
         )
         if count
@@ -165,6 +166,7 @@ def scattered_rows(controller: str, found: Iterator[SplitFigures]) -> list[dict[
             "worst 5 % [%]": above(figures.worst),
             "do not end": figures.unfinished,
             "lock > 15 km/h": figures.locked,
+            "slide > 15 km/h": figures.slid,
             "stuck": figures.stuck,
         }
         for figures in found
