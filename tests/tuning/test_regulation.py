@@ -88,8 +88,8 @@ def test_tests_that_count_are_the_shortest_within_5_percent():
 
 
 def course_of(**changes) -> Course:
-    sound = {"utilised": 0.6, "rate": 0.6, "lock": 0.1, "steerability": 0.5, "passed": 40 * KMH, "steered_soon": 0.05}
-    sound |= {"steered": 0.06, "clearance": 0.6, "yaw": 0.02, "yaw_rate": 0.1, "side_slip": 0.01}
+    sound = {"utilised": 0.6, "rate": 0.6, "lock": 0.1, "slide": 0.2, "steerability": 0.5, "passed": 40 * KMH}
+    sound |= {"steered_soon": 0.05, "steered": 0.06, "clearance": 0.6, "yaw": 0.02, "yaw_rate": 0.1, "side_slip": 0.01}
     sound |= {"outcome": Outcome.STOPPED}
     return Course(**{**sound, **changes})
 
@@ -128,17 +128,19 @@ def test_limits_on_how_much_the_car_turns_are_told_and_kept_where_given():
         VehicleEntry(largest_yaw_rate=10.0)
 
 
-def test_locks_of_more_than_a_fifth_of_a_second_fail_by_name():
+def test_long_locks_and_slides_fail_by_name():
     locked = judged(False, lambda stop: {"lock": 0.21} if (stop.name, stop.at) == ("passage", 120.0) else {})
     failed = [key for key, row in locked.items() if row.passed is False]
     assert failed == [("high to low", "lock from 120 [s]")]
+    slid = judged(False, lambda stop: {"slide": 0.51} if (stop.surface, stop.at) == ("low", 40.0) else {})
+    assert [key for key, row in slid.items() if row.passed is False] == [("low", "slide from 40 [s]")]
     lost = judged(False, lambda stop: {"lock": math.inf, "outcome": Outcome.DIVERGED} if stop.name == "split" else {})
     row = lost["split", "lock from 50 [s]"]
     assert row.passed is False and row.reached is None and row.note == "diverged"
     assert tasks.verdict(list(lost.values())) == (
         "rows failed, car",
         [
-            "car: 1 of 17 rows failed: lock from 50 (split, unladen)",
+            "car: 1 of 24 rows failed: lock from 50 (split, unladen)",
             "car: not by 5 %: utilisation of adhesion (high, unladen)",
         ],
     )

@@ -28,7 +28,7 @@ WINDOW = 20
 SHARE = 0.9
 """Of the mean deceleration on the high surface: what counts as a high one."""
 TOLD = Outcome.STOPPED, Outcome.STILL_MOVING, Outcome.STEP_TOO_LARGE
-"""Ends of a stop up to which its locks are known."""
+"""Ends of a stop up to which its locks and slides are known."""
 
 
 class Course(NamedTuple):
@@ -40,6 +40,8 @@ class Course(NamedTuple):
     """z from 40 to 20 km/h"""
     lock: Any
     """longest lock above 15 km/h [s]; infinite for a stop that is not told to its end"""
+    slide: Any
+    """how long the wheel that slides most has a slip below -0.8 above 15 km/h, in all [s]; infinite likewise"""
     steerability: Any
     """lateral force at a side-slip of 4 deg over that of a rolling wheel, front axle, mean from 45 to 15 km/h"""
     passed: Any
@@ -64,11 +66,12 @@ def courses(loops: VehicleLoop, stops: Stop) -> Course:
     """Of the stops of loops, lanes."""
     path = stops.rollout.path
     told = jnp.isin(stops.outcome, jnp.array(TOLD))
-    lock = jnp.where(told, stops.longest_lock[0], jnp.inf)
-    return over_lanes(_course, loops, path.time, loop_state(path.state).vehicle, lock, stops.outcome)
+    slid = stops.longest_lock[0], jnp.stack(stops.slide_time).max(axis=0)
+    lock, slide = (jnp.where(told, time, jnp.inf) for time in slid)
+    return over_lanes(_course, loops, path.time, loop_state(path.state).vehicle, lock, slide, stops.outcome)
 
 
-def _course(loop: VehicleLoop, time, state, lock, outcome) -> Course:
+def _course(loop: VehicleLoop, time, state, lock, slide, outcome) -> Course:
     car, motion = loop.vehicle, state.motion
     assert isinstance(car, FourWheel)
     road, speed = car.roads[0], motion.longitudinal
@@ -82,6 +85,7 @@ def _course(loop: VehicleLoop, time, state, lock, outcome) -> Course:
         utilised=braking_rate(time, speed, 45 * KMH, 15 * KMH),
         rate=braking_rate(time, speed, 40 * KMH, 20 * KMH),
         lock=lock,
+        slide=slide,
         steerability=steerability(car, time, state),
         passed=jnp.interp(road.changes[0], motion.distance, speed),
         steered_soon=jnp.where(time <= loop.driver.delay + SOON, angle, 0.0).max(),

@@ -28,6 +28,8 @@ from tuning.vehicle.regulation.surfaces import surfaces
 
 LONGEST_LOCK = 0.2
 """Brief, above 15 km/h, s; the regulation gives no number, this is ours."""
+LONGEST_SLIDE = 0.5
+"""In all at a slip below -0.8 above 15 km/h, s; ours: a wheel let go of whenever it stands has no long lock."""
 LEAST_STEERABILITY = 0.3
 """Ours: a locked wheel has 0.05 of the lateral force of one that rolls, one at the peak of friction half of it."""
 STEERING_RATIO = 16.0
@@ -154,8 +156,9 @@ def quantities(
             found.append(Quantity(stop.surface, name, rise, None, ends, False, False, *passed))
         elif stop.name != "utilisation":
             note, told = passed if stop.name == "passage" else ("", ())
-            name = f"lock from {stop.at:g} [s]"
-            found.append(Quantity(stop.surface, name, course.lock, LONGEST_LOCK, ends, False, False, note, told))
+            for name, reached, limit in (("lock", course.lock, LONGEST_LOCK), ("slide", course.slide, LONGEST_SLIDE)):
+                what = f"{name} from {stop.at:g} [s]"
+                found.append(Quantity(stop.surface, what, reached, limit, ends, False, False, note, told))
     split = next(course for lane, course in stops if lane.stop.name == "split")
     ends = [split.outcome]
     if laden:
