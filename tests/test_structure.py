@@ -22,7 +22,7 @@ FLOORS = (
     ("tuning.cars", "tuning.vehicle.regulation"),
     ("tuning.controllers",),
     ("tuning.delay",),
-    ("tuning.vehicle", "tuning.vehicle.regulation.tasks", "tuning.vehicle.regulation.command"),
+    ("tuning.vehicle", *(f"tuning.vehicle.regulation.{name}" for name in ("tasks", "study", "command"))),
     ("tuning.cli", "tuning.__main__", "tuning"),
 )
 """From the ground up: a room imports from its own floor and those below."""

@@ -48,6 +48,7 @@ COMMANDS = {
     "drive-log": vehicle.drive_log,
     "delay-study": delay.delay_study,
     "regulation": screening.regulation,
+    "regulation-study": screening.regulation_study,
     "demo": controllers.demo,
 }
 """By name, in the order of the help."""

@@ -42,7 +42,7 @@ class Locks(NamedTuple):
     def after(self, begins, ends, time, speed) -> "Locks":
         """Where one `begins` now, or the one that lasts `ends`."""
         above = [jnp.where(ends, _above(limit, self, time, speed), 0.0) for limit in LOCK_SPEEDS]
-        return Locks(
+        return self._replace(
             count=self.count + begins,
             since=jnp.where(begins, time, jnp.where(ends, NONE, self.since)),
             speed=jnp.where(begins, speed, self.speed),
@@ -97,7 +97,10 @@ class Sliding(NamedTuple):
 
     def until(self, time, speed) -> "Sliding":
         """With what lasts ended now."""
-        return Sliding(*(one.after(False, one.since != NONE, time, speed) for one in self))
+        slides, locks = self
+        return Sliding(
+            slides.after(False, slides.since != NONE, time, speed), locks.after(False, locks.since != NONE, time, speed)
+        )
 
 
 class Cycles(NamedTuple):

@@ -26,7 +26,7 @@ from tuning.controllers.config import TuningConfig
 from tuning.controllers.regulation import on_car
 from tuning.core.config import ConfigError
 from tuning.core.files import shipped
-from tuning.vehicle.regulation import adhesion, screening, tasks
+from tuning.vehicle.regulation import adhesion, screening, study, tasks
 from tuning.vehicle.regulation.course import Course, lateral_share, rise_time
 from tuning.vehicle.regulation.lanes import lanes_of
 from tuning.vehicle.regulation.quantities import KMH, Weights, braking_rate, mean_rate, split_demands, time_at
@@ -146,6 +146,31 @@ def test_long_locks_and_slides_fail_by_name():
     )
     good = judged(False, lambda stop: {"utilised": 0.7 if stop.surface == "high" else 0.28})
     assert tasks.verdict(list(good.values())) == ("every row passed, car", [])
+
+
+def test_a_set_on_a_car_is_a_line_of_its_worst_rows():
+    rows = [
+        *judged(True, lambda stop: {"lock": 0.3, "utilised": 0.3} if stop.surface == "low" else {}).values(),
+        *judged(False, lambda stop: {"slide": 0.7, "utilised": 0.29} if stop.surface == "low" else {}).values(),
+    ]
+    told = study.line(rows)
+    assert (told["car"], told["rows failed"], told["narrow"]) == ("car", 4, 2)
+    assert (told["longest lock [s]"], told["longest slide [s]"]) == ("0.30", "0.70")
+    assert float(told["epsilon low"]) == pytest.approx(0.29 / 0.3, abs=0.01)
+    lost = judged(False, lambda stop: {"lock": math.inf} if stop.name == "split" else {})
+    assert study.line(list(lost.values()))["longest lock [s]"] == "undefined"
+
+
+def test_of_every_controller_the_sets_that_are_shipped():
+    found = study.sets_of("five_phase", "select_low_rear")
+    assert list(found) == ["untuned", "tuned", "of the car"] and list(study.sets_of("no_control", "select_low")) == [
+        "untuned"
+    ]
+    assert {name: config.vehicle.sets for name, config in found.items()} == dict(zip(found, ("one", "one", "own")))
+    assert all((c.vehicle.wiring, c.vehicle.speed) == ("select_low_rear", None) for c in found.values())
+    with pytest.raises(ConfigError, match="--controllers: 'abs' is unknown"):
+        study.chosen(["abs"])
+    assert "predictive_tracking" not in study.chosen(None)
 
 
 def test_too_good_a_utilisation_doubts_the_adhesion():

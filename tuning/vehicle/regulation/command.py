@@ -1,4 +1,4 @@
-"""`regulation`: controllers of a car screened after UN Regulation No. 13-H, Annex 6."""
+"""`regulation`, `regulation-study`: controllers of a car screened after UN Regulation No. 13-H, Annex 6."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from tuning.core.command import Force, Out, carry_out, configuration
-from tuning.vehicle.about import REGULATION
+from tuning.vehicle.about import REGULATION, REGULATION_STUDY
 
 
 def regulation(
@@ -35,3 +35,28 @@ def regulation(
         return (config,), lambda: tasks.regulation(wanted, chosen, out, located=located)
 
     carry_out(out, work, about=REGULATION, source=config, force=force)
+
+
+def regulation_study(
+    out: Out,
+    controllers: Annotated[str | None, typer.Option(help="Comma-separated; all if missing.")] = None,
+    cars: Annotated[str | None, typer.Option(help="Comma-separated; all shipped if missing.")] = None,
+    wiring: Annotated[
+        str, typer.Option(help="independent, select_low_rear, or select_low on both axles.")
+    ] = "select_low_rear",
+    located: Annotated[bool, typer.Option("--located", help="Switchings located instead of sampled.")] = False,
+    force: Force = False,
+) -> None:
+    """Every controller screened on every car: untuned, tuned on one wheel, tuned on a car."""
+
+    def work():
+        from tuning.cars.entry import VehicleEntry
+        from tuning.controllers.config import TuningConfig
+        from tuning.vehicle.regulation import study, tasks
+
+        VehicleEntry(model="four_wheel", wiring=wiring)
+        names = study.chosen(None if controllers is None else controllers.split(","))
+        chosen = tasks.cars_of(TuningConfig(), None if cars is None else cars.split(","))
+        return (), lambda: study.study(chosen, names, wiring, out, located=located)
+
+    carry_out(out, work, about=REGULATION_STUDY, force=force)

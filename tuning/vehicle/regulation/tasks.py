@@ -65,9 +65,9 @@ def regulation(
         if i == len(cars) - 1:
             written = {"version": VERSION, "config": config.to_json(), "located": located}
             written["rows"] = [dataclasses.asdict(row) for row in rows]
-            files += [write_csv(_cells(rows), out / "screening.csv"), write_json(out / "result.json", written)]
+            files += [write_csv(cells_of(rows), out / "screening.csv"), write_json(out / "result.json", written)]
         word, reasons = verdict(found.rows)
-        tables = {f"screening of {car}: {config.kind.title}": _cells(found.rows)}
+        tables = {f"screening of {car}: {config.kind.title}": cells_of(found.rows)}
         yield Report(tables, [], files, verdict=word, reasons=reasons)
 
 
@@ -88,7 +88,8 @@ def _called(row: Row) -> str:
     return f"{row.quantity.split(' [')[0]} ({row.surface}, {row.load})"
 
 
-def _cells(rows: Sequence[Row]) -> list[dict[str, Any]]:
+def cells_of(rows: Sequence[Row]) -> list[dict[str, Any]]:
+    """Rows as they are written in tables."""
     said = {True: "yes", False: "no", None: "-"}
 
     def number(value: float | None, missing: str) -> str:

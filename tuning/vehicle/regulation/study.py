@@ -1,0 +1,96 @@
+"""Every controller screened on every car: untuned, tuned on one wheel, tuned on a car."""
+
+import dataclasses
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from absjax.controllers import CONTROLLERS
+from tuning.cars.car import CarFigures
+from tuning.cars.entry import VehicleEntry
+from tuning.controllers.config import TuningConfig
+from tuning.controllers.recipes import car_sets, tuned_sets
+from tuning.core.config import choice
+from tuning.core.files import write_csv
+from tuning.core.report import Report
+from tuning.vehicle.regulation.screening import SPLIT, UTILISED, Row
+from tuning.vehicle.regulation.tasks import cells_of, screening_of
+
+NONE = "no_control"
+NAMES = *CONTROLLERS, NONE
+
+
+def chosen(names: Sequence[str] | None) -> tuple[str, ...]:
+    """Names of controllers; all if None.
+
+    Raises:
+        ConfigError: if there is no such controller.
+    """
+    for name in names or ():
+        choice("--controllers", name, NAMES)
+    return tuple(names or NAMES)
+
+
+def sets_of(controller: str, wiring: str) -> dict[str, TuningConfig]:
+    """The sets that are shipped of a controller, and its defaults, on a car of four wheels; told the true speed."""
+    found = {"untuned": TuningConfig(controller=controller)}
+    if controller in tuned_sets():
+        found["tuned"] = tuned_sets()[controller]
+    if controller in car_sets():
+        found["of the car"] = car_sets()[controller]
+    return {
+        name: dataclasses.replace(
+            config,
+            vehicle=VehicleEntry(
+                model="four_wheel", wiring=wiring, sets="one" if config.vehicle is None else config.vehicle.sets
+            ),
+        )
+        for name, config in found.items()
+    }
+
+
+def study(
+    cars: dict[str, CarFigures], controllers: Sequence[str], wiring: str, out: Path, *, located: bool = False
+) -> Iterator[Report]:
+    """A table for each controller, a line for each set and car, the worst of both loads; all rows as a file."""
+    every: list[dict[str, Any]] = []
+    for controller in controllers:
+        lines, sets = [], sets_of(controller, wiring)
+        for which, config in sets.items():
+            for car, figures in cars.items():
+                rows = screening_of(config, car, figures, located=located).rows
+                lines.append({"set": which, "observer": config.observer or "-", **line(rows)})
+                every += [{"controller": controller, "set": which, **cell} for cell in cells_of(rows)]
+        files = [write_csv(every, out / "screening.csv")] if controller == controllers[-1] else []
+        yield Report({f"screening: {sets['untuned'].kind.title}": lines}, [], files)
+
+
+def line(rows: Sequence[Row]) -> dict[str, Any]:
+    """What one set reaches on one car: of each quantity the worst."""
+
+    def reached(name: str, surface: str | None = None) -> list[float]:
+        mine = [row for row in rows if row.quantity.startswith(name) and surface in (None, row.surface)]
+        return [math.nan if row.reached is None else row.reached for row in mine]
+
+    def told(value: float, digits: int) -> str:
+        return "undefined" if math.isnan(value) else f"{value:.{digits}f}"
+
+    splits = [row.reached / row.demanded for row in rows if row.quantity in SPLIT and row.reached and row.demanded]
+    return {
+        "car": rows[0].car.replace("_", " "),
+        "rows failed": sum(row.passed is False for row in rows),
+        "narrow": sum(bool(row.passed) and not row.passed_with_margin for row in rows),
+        "epsilon high": told(min(reached(UTILISED, "high")), 2),
+        "epsilon low": told(min(reached(UTILISED, "low")), 2),
+        "longest lock [s]": told(_largest(reached("lock")), 2),
+        "longest slide [s]": told(_largest(reached("slide")), 2),
+        "z split over demand": told(min(splits, default=0.0), 2),
+        "steerability": told(min(reached("steerability")), 2),
+        "steered in 2 s [deg]": told(_largest(reached("steered in 2 s")), 0),
+    }
+
+
+def _largest(values: Sequence[float]) -> float:
+    """Not a number where one is none."""
+    return math.nan if any(map(math.isnan, values)) else max(values)
