@@ -2,9 +2,9 @@
 
 Descended on is the loop of one wheel whose switchings move with their crossings (`absjax.loop.ticking_loop`), behind a
 stand-in of an encoder's chain, over pairs of points (`tuning.core.slope`); of a vehicle the slope is all fitted over
-them. Judged is the sampled loop itself, behind the chain. What must not be, long locks above 15 km/h, long cycles,
-stops without end, is no price: a set that breaks a limit in any condition it is judged in is worse than every set that
-keeps them all.
+them. Judged is the sampled loop itself, behind the chain. What must not be, long locks and slides above 15 km/h, long
+cycles, stops without end, is no price: a set that breaks a limit in any condition it is judged in is worse than every
+set that keeps them all.
 """
 
 import dataclasses
