@@ -162,10 +162,10 @@ class Decision(NamedTuple):
 
 
 def _left_behind(grid: Grid, lanes: Lanes, here: Local, i: int):
-    """Whether guard `i` has just fired, and falls from where its own jump has left it: at zero, but for rounding."""
+    """Whether guard `i` falls from where a jump has left it, its own or that of another in the same instant: at zero,
+    but for rounding."""
     guard, rate = here.guards[i], here.rates[i]
-    at_zero = guard <= -LANDING_TOLERANCE * grid.step * rate
-    return (lanes.doing >= CROSSING) & (lanes.slot == i) & (rate < 0) & at_zero
+    return (lanes.doing >= CROSSING) & (rate < 0) & (guard <= -LANDING_TOLERANCE * grid.step * rate)
 
 
 def _arrived_at(grid: Grid, lanes: Lanes, here: Local, slot):

@@ -53,3 +53,32 @@ def test_each_threshold_moves_its_own_switchings_only(derivative, apart):
     np.testing.assert_allclose(result.state, exact, atol=1e-8)
     slopes = derivative(lambda thresholds: jnp.stack(ends(thresholds).state))(thresholds)
     np.testing.assert_allclose(slopes, np.diag([3.0 + 3 * CYCLES] * 2), atol=1e-9)
+
+
+@model
+class Watched:
+    """Two oscillators, x = sin t and y = sin(w t): bits 1 and 2 of the mode say which of them are above a level."""
+
+    level: Any = parameter("of both", default=0.3)
+    faster: Any = parameter("w of the second", default=1.0)
+
+    def flow(self, time, state, mode):
+        return Levels(jnp.cos(time), self.faster * jnp.cos(self.faster * time))
+
+    def guards(self, time, state, mode):
+        return tuple(jnp.where(mode & bit, self.level - x, x - self.level) for bit, x in zip((1, 2), state))
+
+    def jump(self, time, state, mode, slot):
+        return state, mode ^ (1 << slot)
+
+
+@pytest.mark.parametrize("faster", [1.0, 1.0 + 1e-13, 1.1])
+def test_a_guard_that_turns_back_where_it_fired_fires_once(faster):
+    """Above and below have one level: each guard falls from where the jump of the other has left it, at zero."""
+    start = Levels(jnp.asarray(0.0), jnp.asarray(0.0))
+    found = rollout(Watched(faster=faster), start, step=0.05, steps=300, max_events=60, save_switches=True)
+    first = np.array([np.arcsin(0.3) + 2 * np.pi * k for k in range(3)])
+    passes = np.sort(np.concatenate([first, np.pi * np.arange(1, 6, 2) - np.arcsin(0.3)]))
+    passes = np.concatenate([passes[passes < 15.0], (passes / faster)[passes / faster < 15.0]])
+    assert int(found.events) == len(passes)
+    np.testing.assert_allclose(np.sort(np.asarray(found.log.time))[: len(passes)], np.sort(passes), atol=1e-7)
