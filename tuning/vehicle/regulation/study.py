@@ -63,7 +63,7 @@ def study(
                 lines.append({"set": which, "observer": config.observer or "-", **line(rows)})
                 every += [{"controller": controller, "set": which, **cell} for cell in cells_of(rows)]
         files = [write_csv(every, out / "screening.csv")] if controller == controllers[-1] else []
-        yield Report({f"screening: {sets['untuned'].kind.title}": lines}, [], files)
+        yield Report({f"screening of {sets['untuned'].kind.title}": lines}, [], files)
 
 
 def line(rows: Sequence[Row]) -> dict[str, Any]:
