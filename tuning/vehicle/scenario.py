@@ -209,6 +209,7 @@ def figures_of(ride: Ride, axle: int) -> dict[str, Any]:
     true, found = (crossings(ride.time[active], xbs[axle][active]) for xbs in (ride.stiffness, ride.estimated))
     apart = np.array([np.min(np.abs(found - instant), initial=np.inf) for instant in true])
     inside = active & np.all([np.abs(ride.time - change - ROUND / 2) > ROUND / 2 for change in CHANGES], axis=0)
+    soon = [active & (ride.time > b + ROUND) & (ride.time < e) for b, e in zip(begins[0, 1:], ends[0, 1:])]
     return {
         "speed error [%]": round(100 * float(np.mean(_relative(ride.told_speed, ride.speed)[active])), 2),
         "load error [%]": round(100 * float(np.mean(_relative(ride.known_loads[axle], ride.loads[axle])[active])), 2),
@@ -219,6 +220,10 @@ def figures_of(ride: Ride, axle: int) -> dict[str, Any]:
         "settles on dry [s]": round(float(settled[0]), 3),
         "on snow [s]": round(float(settled[1]), 3),
         "on wet [s]": round(float(settled[2]), 3),
+        **{
+            f"within 1 on {name} from {ROUND:g} s on [%]": round(100 * float(np.mean(np.abs(error[own]) < 1)), 1)
+            for name, own in zip(("snow", "wet"), soon)
+        },
     }
 
 
