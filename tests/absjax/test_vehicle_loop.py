@@ -40,7 +40,7 @@ STEPS, EVENTS = 6000, 200
 
 def loop_of(front=FRONT, rear=REAR, road=WET, driver=DRIVER, **car) -> VehicleLoop:
     vehicle = TwoAxle((UniformRoad(road), UniformRoad(road)), **car)
-    return VehicleLoop(vehicle, (Channel(BRAKE, front), Channel(BRAKE, rear)), END, driver, begins=(0.0, 0.0))
+    return VehicleLoop(vehicle, (Channel(BRAKE, front), Channel(BRAKE, rear)), END, driver)
 
 
 def stopped(loop, speed=SPEED, step=2e-3, **options):
