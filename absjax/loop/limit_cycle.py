@@ -136,6 +136,7 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
     def with_slope(loop, point):
         """M(x) and M'(x), (..., n, n): lanes do not know of each other, so one direction serves them all."""
         directions = jnp.eye(point.shape[-1], dtype=point.dtype)
+
         def along(e):
             return jax.jvp(partial(returned, loop), (point,), (jnp.broadcast_to(e, point.shape),), has_aux=True)
 

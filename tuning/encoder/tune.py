@@ -127,6 +127,7 @@ def _costs(form: Form, benches, points, members, box: Box, fixed, objective: Obj
     def one(point):
         if not gradients:
             return cost(point)
+
         # Forward mode: few parameters, and no state of the chain to be kept for thousands of samples.
         def along(direction):
             return jax.jvp(cost, (point,), (direction,))
