@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import jax
 import nbformat
 import pytest
 from nbclient import NotebookClient
@@ -40,6 +41,8 @@ def client():
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
         environment.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
+        # As many as the tests have: kept programs are those of as many devices.
+        environment.setenv("JAX_NUM_CPU_DEVICES", str(jax.local_device_count()))
         client = NotebookClient(nbformat.v4.new_notebook(), timeout=300, kernel_name="python3")
         with client.setup_kernel():
             yield client

@@ -136,9 +136,12 @@ def _limit_cycle(loop, step, steps, warm_up, max_events) -> LimitCycle:
     def with_slope(loop, point):
         """M(x) and M'(x), (..., n, n): lanes do not know of each other, so one direction serves them all."""
         directions = jnp.eye(point.shape[-1], dtype=point.dtype)
-        image, tangent, rest = jax.linearize(partial(returned, loop), point, has_aux=True)
-        columns = jax.vmap(lambda e: tangent(jnp.broadcast_to(e, point.shape)))(directions)
-        return image, jnp.moveaxis(columns, 0, -1), rest
+
+        def along(e):
+            return jax.jvp(partial(returned, loop), (point,), (jnp.broadcast_to(e, point.shape),), has_aux=True)
+
+        image, columns, rest = jax.vmap(along, out_axes=(None, -1, None))(directions)
+        return image, columns, rest
 
     def newton_step(image, slope, point, sound):
         matrix = jnp.eye(point.shape[-1], dtype=point.dtype) - jnp.where(sound[..., None, None], slope, 0.0)

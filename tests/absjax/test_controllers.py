@@ -4,6 +4,7 @@ One entry of CASES a controller; nothing here uses the project's controllers but
 """
 
 import dataclasses
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -314,19 +315,21 @@ def test_located_against_scipy_and_gradient_against_differences(name):
     value = float(getattr(case.controller, case.trained))
     h = 1e-4 * abs(value)
 
+    @jax.jit
+    @partial(jax.grad, has_aux=True)
     def run(values):
         loop = loop_of(dataclasses.replace(case.controller, **{case.trained: values}), case.ramp, lag=case.lag)
         steps = round(case.duration / STEP)
-        return rollout(loop, loop.initial_state(jnp.asarray(SPEED)), step=STEP, steps=steps, max_events=120)
+        result = rollout(loop, loop.initial_state(jnp.asarray(SPEED)), step=STEP, steps=steps, max_events=120)
+        return result.state.plant.speed.sum(), result
 
-    lanes = run(jnp.array([value, value + h, value - h]))
+    slopes, lanes = run(jnp.array([value, value + h, value - h]))
     expected, count, visited = located_by_scipy(case)
     assert visited == case.visited
     assert int(lanes.events[0]) == count > 0
     np.testing.assert_allclose([float(x[0]) for x in end_of(lanes)], expected, rtol=2e-5)
     assert abs(float(lanes.state.plant.distance[0]) - expected[2]) < 2e-6
-    gradient = float(jax.grad(lambda x: run(x).state.plant.speed)(value))
-    speeds = np.asarray(lanes.state.plant.speed)
+    gradient, speeds = float(slopes[0]), np.asarray(lanes.state.plant.speed)
     assert np.all(np.asarray(lanes.events) == count)
     assert gradient == pytest.approx((speeds[1] - speeds[2]) / (2 * h), rel=1e-5, abs=1e-9 / h)
 

@@ -78,10 +78,10 @@ def ends(p, x=0.5):
 
 def test_gradient_by_gains_and_delay_against_differences_and_lanes():
     p, move = np.array([10.0, 10.0, 0.0213]), 1e-5
-    slopes = jax.jvp(ends, (np.tile(p, (7, 1)),), (np.concatenate([np.eye(3), np.zeros((4, 3))]),))[1][:3]
-    lanes = ends(np.concatenate([p * (1 + move * np.eye(3)), p * (1 - move * np.eye(3)), p[None]]))
-    np.testing.assert_allclose(slopes, (lanes[:3] - lanes[3:6]) / (2 * move * p), rtol=1e-5)
-    single = rolled(DelayedTracking(Scalar(), gains(1, *p[:2]), p[2]), (0.5,), STEP, 60).state.x[0]
+    at = np.concatenate([p * (1 + move * np.eye(3)), p * (1 - move * np.eye(3)), np.tile(p, (3, 1))])
+    lanes, slopes = jax.jvp(ends, (at,), (np.concatenate([np.zeros((6, 3)), np.eye(3)]),))
+    np.testing.assert_allclose(slopes[6:], (lanes[:3] - lanes[3:6]) / (2 * move * p), rtol=1e-5)
+    single = path(DelayedTracking(Scalar(), gains(1, *p[:2]), p[2]), (0.5,), 0.5).state.x[0][60]
     np.testing.assert_allclose(lanes[6], single, rtol=1e-12)
 
 

@@ -60,18 +60,17 @@ def test_located_is_what_a_quick_control_unit_comes_to_and_its_gradient_that_of_
     # Off the grid: where the past is read at a node, differences by the delay see the corner of its second derivative;
     # and narrow, for wider ones see a step that is parted on one side only.
     eps1, delay, move = 30.0, 0.0103, 1e-6
-    lanes = jnp.array([1 + move, 1 - move, 1.0, 1.0, 1.0])
-    delays = jnp.array([1.0, 1.0, 1 + move, 1 - move, 0.01 / delay])
-    found = speeds(eps1 * lanes, delay * delays)
+    lanes = jnp.array([1 + move, 1 - move, 1.0, 1.0, 1.0, 1.0, 1.0])
+    delays = jnp.array([1.0, 1.0, 1.0, 1 + move, 1 - move, 1.0, 0.01 / delay])
+    towards = jnp.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0]), jnp.array([0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0])
+    found, slopes = jax.jvp(speeds, (eps1 * lanes, delay * delays), towards)
     coarse, fine = (predictive.run(GIVEN, TYRE, SPEED, n, 0.01 / n, END)[0][-1, :2] for n in (100, 200))
-    here = np.array([x[4] for x in found])
+    here = np.array([x[6] for x in found])
     np.testing.assert_allclose(here, coarse, rtol=1e-2)
     assert np.all(np.abs(here - fine) < 0.6 * np.abs(here - coarse))
-    towards = jnp.array([1.0, 0.0, 0.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0, 0.0, 0.0])
-    slopes = jax.jvp(speeds, (jnp.full(5, eps1), jnp.full(5, delay)), towards)[1]
     for x, slope in zip(found, slopes):
-        np.testing.assert_allclose(slope[0], (x[0] - x[1]) / (2 * move * eps1), rtol=1e-5)
-        np.testing.assert_allclose(slope[1], (x[2] - x[3]) / (2 * move * delay), rtol=1e-5)
+        np.testing.assert_allclose(slope[2], (x[0] - x[1]) / (2 * move * eps1), rtol=1e-5)
+        np.testing.assert_allclose(slope[5], (x[3] - x[4]) / (2 * move * delay), rtol=1e-5)
 
 
 def test_what_cannot_be_is_refused_by_name():

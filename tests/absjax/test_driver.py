@@ -187,10 +187,14 @@ def neighbours():
         )
         return jnp.stack([result.distance, result.lock_time[0], result.slide_time[0]], axis=-1), result
 
+    @jax.jit
+    def with_slopes(shifts):
+        values, pull, result = jax.vjp(total, shifts, has_aux=True)
+        return values, jax.vmap(pull)(jnp.broadcast_to(jnp.eye(2)[:, None], (2, *values.shape)))[0], result
+
     h = 1e-6
-    values, result = total(jnp.array([h, -h]))
-    exact = jax.jit(jax.jacrev(lambda shift: total(shift)[0]))(0.0)
-    return np.asarray(exact), np.asarray(values[0] - values[1]) / (2 * h), result
+    values, exact, result = with_slopes(jnp.array([h, -h, 0.0]))
+    return np.asarray(exact)[:, 2], np.asarray(values[0] - values[1]) / (2 * h), result
 
 
 def test_gradient_through_lock_limits_and_pedal(neighbours, by_hand):

@@ -6,8 +6,7 @@ import numpy as np
 
 from absjax.controllers.tracking import AccelerationTracking
 from absjax.loop.closed_loop import ClosedLoop
-from absjax.loop.growth import growth, is_unstable
-from absjax.loop.stop import stop
+from absjax.loop.growth import is_unstable, stop_and_growth
 from absjax.plant.brake import Brake
 from absjax.plant.quarter_car import QuarterCar
 from absjax.plant.road import UniformRoad
@@ -22,16 +21,15 @@ HOW = {"horizon": 30.0, "step": 1e-3, "max_events": 300}
 def test_growth_against_differences_and_where_tracking_is_unstable():
     curves = (np.array([float(getattr(SURFACES[name], c)) for name in NAMES]) for c in ("c1", "c2", "c3"))
     car = QuarterCar(Wheel(), UniformRoad(Burckhardt(*curves)))
-    loop, speed = ClosedLoop(car, Brake(), AccelerationTracking(), stop_speed=3.0), jnp.full(2, 25.0)
-    found = np.asarray(jax.jit(lambda v: growth(loop, v, **HOW))(speed))
-    ends = jnp.concatenate([speed * (1 + 1e-6), speed * (1 - 1e-6)])
-    both = ClosedLoop(
-        jax.tree.map(lambda x: jnp.tile(x, 2) if jnp.ndim(x) else x, car), Brake(), AccelerationTracking(), 3.0
-    )
-    stops = stop(both, ends, **HOW).raise_if_failed()
-    logs = np.log(np.asarray(stops.distance)).reshape(2, 2)
-    np.testing.assert_allclose(found[0], (logs[0, 0] - logs[1, 0]) / 2e-6, rtol=1e-4)
-    assert list(np.asarray(is_unstable(found))) == [False, True]
+    car = jax.tree.map(lambda x: jnp.tile(x, 3) if jnp.ndim(x) else x, car)
+    loop = ClosedLoop(car, Brake(), AccelerationTracking(), stop_speed=3.0)
+    # One program: the stops themselves, and those from a little more and a little less.
+    speed = jnp.repeat(25.0 * jnp.array([1.0, 1 + 1e-6, 1 - 1e-6]), 2)
+    stops, found = jax.jit(lambda v: stop_and_growth(loop, v, **HOW))(speed)
+    stops.raise_if_failed()
+    logs = np.log(np.asarray(stops.distance)).reshape(3, 2)
+    np.testing.assert_allclose(found[0], (logs[1, 0] - logs[2, 0]) / 2e-6, rtol=1e-4)
+    assert list(np.asarray(is_unstable(found[:2]))) == [False, True]
 
 
 def test_growth_that_is_no_number_is_unstable():

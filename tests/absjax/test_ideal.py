@@ -57,7 +57,7 @@ def test_no_controller_beats_the_ideal(model):
     rng = np.random.default_rng(7)
     loop = scattered_loop(random_controller(model, rng, SETS, spread=0.7, room=0.0), rng)
     speed = jnp.asarray(rng.uniform(8.0, 25.0, SETS))
-    stopped = stop(loop, speed, horizon=4.0, max_events=150)
+    stopped = stop(loop, speed, horizon=4.0, max_events=150, tile=SETS)
     ideal = np.asarray(ideal_distance(loop, speed, horizon=4.0))
     ended = np.asarray(stopped.outcome) == Outcome.STOPPED
     assert ended.sum() > SETS / 4 and np.isfinite(ideal[ended]).all()

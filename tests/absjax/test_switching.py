@@ -47,7 +47,12 @@ def test_relay_against_its_closed_form():
     assert np.all(np.asarray(result.switches.source)[int(result.events) :] == -9)
 
 
-@pytest.mark.parametrize("derivative", [jax.grad, jax.jacfwd], ids=["reverse", "forward"])
+def vmapped(function):
+    """The second of two gradients; the decisions of the others are not its own."""
+    return lambda p: jax.vmap(jax.grad(function))(jnp.stack([1.1 * p, p]))[1]
+
+
+@pytest.mark.parametrize("derivative", [jax.grad, jax.jacfwd, vmapped], ids=["reverse", "forward", "vmapped reverse"])
 def test_relay_gradient_against_its_closed_form(derivative):
     p = jnp.array([2.0, 1.0, 0.7])
     rolled = derivative(lambda p: relay_rolled(p, step=4.003 / 400))(p)

@@ -3,13 +3,12 @@
 import dataclasses
 import json
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 from absjax.observers import OBSERVERS
+from absjax.observers.adaptive import AdaptiveObserver
 from absjax.observers.certificate import certify
 from absjax.observers.run import observe
 from absjax.observers.switched import constant_stiffness
@@ -79,7 +78,11 @@ def test_metrics_on_signals_made_by_hand():
 @pytest.mark.parametrize("excitation", ["five_phase", "two_phase"])
 def test_simulated_runs_are_what_they_say(excitation):
     pair = [surface("dry_asphalt"), surface("wet_asphalt")]
-    runs = simulate([pair, pair[::-1]], [0.6, 0.65], speed=[14.0, 18.0], duration=1.2, excitation=excitation)
+    cases = [pair, pair[::-1], pair], [0.6, 0.65, 0.6], [14.0, 18.0, 14.0]
+    # As many as are simulated for the tuning, for each excitation: no program for this alone.
+    count = {"five_phase": 3, "two_phase": 2}[excitation]
+    surfaces, changes, speed = (of_each[:count] for of_each in cases)
+    runs = simulate(surfaces, changes, speed=speed, duration=1.2, excitation=excitation).select([0, 1])
     time = runs.time
     np.testing.assert_allclose(runs.samples.speed, np.array([[14.0], [18.0]]) - 1.96 * time, rtol=1e-12)
     np.testing.assert_allclose(runs.begins, [[0.0, 0.6 + BLEND], [0.0, 0.65 + BLEND]])
@@ -105,18 +108,15 @@ def test_scenarios_are_refused_by_name():
 
 
 def test_gradient_of_the_cost_against_differences(runs):
-    bench = bench_of(TINY, runs.select([0]))
-    default = defaults_of(TINY.design)
-
-    def cost(logs):
-        return bench.judge(dict(zip(default, jnp.exp(logs)))).cost(Objective("power"), 0.2)
-
-    logs = jnp.log(jnp.array([value * 1.1 for value in default.values()]))
-    gradient = np.asarray(jax.jit(jax.grad(cost))(logs))
-    value = jax.jit(cost)
+    """Of the very program that descends, a set in each of its two lanes."""
+    problem = ObserverProblem.of(dataclasses.replace(TINY, noise_weight=0.2), bench_of(TINY, runs))
+    assert problem.objective == Objective("power") and len(problem.box.names) == 7
+    at = problem.box.point({name: 1.1 * value for name, value in defaults_of(TINY.design).items()})
+    gradient = np.asarray(problem.costs_and_gradients(np.stack([at, at]), None)[1])[0]
     for i in (0, 3, 4, 6):
-        difference = float(value(logs.at[i].add(1e-5)) - value(logs.at[i].add(-1e-5))) / 2e-5
-        assert gradient[i] == pytest.approx(difference, rel=1e-4, abs=1e-7)
+        h = 1e-5 * np.eye(at.size)[i]
+        ahead, behind = np.asarray(problem.costs_and_gradients(np.stack([at + h, at - h]), None)[0])
+        assert gradient[i] == pytest.approx((ahead - behind) / 2e-5, rel=1e-4, abs=1e-7)
 
 
 def test_tuning_improves_certifies_and_can_be_read_back(runs):
@@ -130,8 +130,10 @@ def test_tuning_improves_certifies_and_can_be_read_back(runs):
     assert ObserverResult.from_json(read_back(result.to_json())) == result
     assert len(result.history) == TINY.iterations and len(result.history[0]) == TINY.starts
     np.testing.assert_allclose(problem.judge(np.repeat(points, 20, axis=0)), np.repeat(costs, 20), rtol=1e-12)
-    costs, gradients = problem.costs_and_gradients(points, np.array([0, 2]))
-    lone = dataclasses.replace(problem, bench=problem.bench.of(np.array([0, 2])))
+    # As many as there are: a program less. One of them twice.
+    some = np.array([0, 2, 2])
+    costs, gradients = problem.costs_and_gradients(points, some)
+    lone = dataclasses.replace(problem, bench=problem.bench.of(some))
     np.testing.assert_allclose(costs, lone.costs_and_gradients(points, None)[0], rtol=1e-12)
     assert np.isfinite(gradients).all()
 
@@ -319,8 +321,10 @@ def test_tracking_keeps_cycling_where_open_loop_locks():
 
 
 def test_a_ride_with_a_step_too_large_for_its_observer_is_refused():
-    with pytest.raises(RolloutError, match=r"STEP_TOO_LARGE: a step of 0\.001 s is .* times"):
-        drive("coarse", loops()["tracking, adaptive observer"], step=1e-3)
+    quick = AdaptiveObserver.placed(Wheel(), (4e3, 4e6), (4e4, 1e4))
+    loop = dataclasses.replace(loops()["tracking, adaptive observer"], observer=quick)
+    with pytest.raises(RolloutError, match=r"STEP_TOO_LARGE: a step of 0\.00025 s is .* times"):
+        drive("coarse", loop)
 
 
 def test_a_task_writes_what_it_says(tmp_path, monkeypatch):

@@ -178,11 +178,11 @@ def test_scoring_in_chunks_and_some_of_the_rows():
 
 def test_what_nobody_should_buy_is_charged():
     """A wheel locked for long above 15 km/h, a stop that does not end, a controller that rests."""
-    config = dataclasses.replace(SMALL, speeds_kmh=(60.0,), roads=("dry_asphalt",), objective="mean")
-    batch = batch_of(Setup.of(config))
-    names = ("eps0", "eps4", "eps5")
-    sets = np.array([[400.0, 20.0, 30.0], [30.0, 20.0, 500.0], [50.0, 20.0, 30.0]])
-    judged = scored(batch, dict(zip(names, sets.T)))
+    config = dataclasses.replace(SMALL, objective="mean")
+    setup = Setup.of(config)
+    batch = batch_of(setup).of(np.array([1]))
+    sets = {"eps0": [400.0, 30.0, 50.0], "eps4": [20.0, 20.0, 20.0], "eps5": [30.0, 500.0, 30.0]}
+    judged = scored(batch, {name: np.array(sets.get(name, 3 * [setup.initial[name]])) for name in setup.box().names})
     distance, lock, slide = judged.stops.distance[0], judged.stops.longest_lock[0][0], judged.stops.slide_time[0][0]
     assert lock[0] > 1.0 > config.longest_lock > lock[2] and slide[0] > lock[0] > config.slide_time > slide[2]
     ratios = distance / batch.ideal[0]

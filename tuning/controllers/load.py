@@ -6,6 +6,7 @@ From the file that `tune-abs` wrote:
     plot_stop("result.json", "wet_asphalt", 120).savefig("stop.png")
 """
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -75,7 +76,8 @@ def plot_stop(
         loop = setup.loop_of(parameters, taken(stacked([row.road]), 0))
         system, step = setting.applied(setup, loop)
         every = max(1, round(1e-3 / step))
-        horizon = 2 * row.longest_ideal + 1.0
+        # A power of two: stops of many roads and speeds, which end long before, are of one program.
+        horizon = 2.0 ** math.ceil(math.log2(2 * row.longest_ideal + 1.0))
         stopped = stop(
             system,
             jnp.asarray(row.speed),

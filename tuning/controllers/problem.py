@@ -96,10 +96,14 @@ def _costs_and_gradients(batch: Batch, rigs, points, members, box: Box, objectiv
     gradients = jnp.einsum("rs,rsp->sp", weigh(jnp.ones_like(costs))[0], own)
     if rigs is not None:
         largest, step = limits
+
         # Forward mode: the contraction is a second derivative, and its transpose takes twice as long to compile.
-        charged, push = jax.linearize(lambda x: charges(rigs, box.values(x), step, largest), points)
         # Sets do not know of each other, so one direction serves them all.
-        columns = jax.vmap(lambda e: push(jnp.broadcast_to(e, points.shape)))(jnp.eye(points.shape[1]))
+        def along(direction):
+            directions = jnp.broadcast_to(direction, points.shape)
+            return jax.jvp(lambda x: charges(rigs, box.values(x), step, largest), (points,), (directions,))
+
+        charged, columns = jax.vmap(along, out_axes=(None, 0))(jnp.eye(points.shape[1]))
         costs, gradients = costs + charged, gradients + columns.T
     return costs, gradients
 

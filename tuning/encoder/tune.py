@@ -127,9 +127,12 @@ def _costs(form: Form, benches, points, members, box: Box, fixed, objective: Obj
     def one(point):
         if not gradients:
             return cost(point)
+
         # Forward mode: few parameters, and no state of the chain to be kept for thousands of samples.
-        value, push = jax.linearize(cost, point)
-        return value, jax.vmap(push)(jnp.eye(len(box.names)))
+        def along(direction):
+            return jax.jvp(cost, (point,), (direction,))
+
+        return jax.vmap(along, out_axes=(None, 0))(jnp.eye(len(box.names)))
 
     return jax.lax.map(one, points)
 

@@ -84,12 +84,12 @@ class Bench:
         """Estimated XBS without and with noise, (runs, samples) each, and the largest step times rate."""
         observer = self.design(**values).observer(self.wheel)
 
-        def of_run(samples, noise):
-            noisy = samples._replace(y=samples.y + noise)
-            runs = [observe(observer, s, self.period, substeps=self.substeps) for s in (samples, noisy)]
-            return runs[0].stiffness, runs[1].stiffness, jnp.maximum(runs[0].stepping, runs[1].stepping)
-
-        return jax.vmap(of_run)(self.samples, self.noise)
+        noisy = self.samples._replace(y=self.samples.y + self.noise)
+        both = jax.tree.map(lambda *runs: jnp.concatenate(runs), self.samples, noisy)
+        found = jax.vmap(lambda samples: observe(observer, samples, self.period, substeps=self.substeps))(both)
+        runs = self.noise.shape[0]
+        stepping = jnp.maximum(found.stepping[:runs], found.stepping[runs:])
+        return found.stiffness[:runs], found.stiffness[runs:], stepping
 
     def _on_road(self):
         """Time since each road began, and whether a sample lies on it, (runs, roads, samples)."""

@@ -76,8 +76,11 @@ def _costs(logs: LogSet, estimator: Estimator, points, members, prior, box: Box,
     def one(point):
         if not gradients:
             return cost(point)
-        value, push = jax.linearize(cost, point)
-        return value, jax.vmap(push)(jnp.eye(len(box.names)))
+
+        def along(direction):
+            return jax.jvp(cost, (point,), (direction,))
+
+        return jax.vmap(along, out_axes=(None, 0))(jnp.eye(len(box.names)))
 
     return jax.lax.map(one, points)
 
