@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-from absjax._numerics import tree_where
+from absjax._numerics import computed_once, tree_where
 from absjax.contracts import require_contract
 from absjax.controllers.base import Controller
 from absjax.loop import pressure_limits, wheel_lock
@@ -184,7 +184,7 @@ class ClosedLoop:
             slope = self.foot.slope(parts.foot) + 0.0 * state.pedal.level
             rate = pressure_limits.granted(parts, rate, slope)
             pedal = Pedal(slope, None)
-        plant = self.plant.flow(time, state.plant, self.wheel_pressure(state))
+        plant = computed_once(self.plant.flow(time, state.plant, self.wheel_pressure(state)))
         plant = self.plant.with_wheel_speed(plant, wheel_lock.held(parts.wheel, self.plant.wheel_speed_of(plant)))
         observer, controller, memory = jax.tree.map(lambda _: None, (state.observer, state.controller, state.memory))
         return LoopState(plant, self.brake.flow(state.brake, rate), pedal, observer, controller, memory)

@@ -190,7 +190,7 @@ def neighbours():
     @jax.jit
     def with_slopes(shifts):
         values, pull, result = jax.vjp(total, shifts, has_aux=True)
-        return values, jax.vmap(pull)(jnp.broadcast_to(jnp.eye(2)[:, None], (2, *values.shape)))[0], result
+        return values, jax.vmap(pull)(jnp.broadcast_to(jnp.eye(3)[:, None], (3, *values.shape)))[0], result
 
     h = 1e-6
     values, exact, result = with_slopes(jnp.array([h, -h, 0.0]))

@@ -70,7 +70,7 @@ def loops(shift: Any = 0.0) -> dict[str, ClosedLoop]:
     }
 
 
-def drive(label: str, loop: ClosedLoop, step: float = STEP) -> Ride:
+def drive(label: str, loop: ClosedLoop) -> Ride:
     """Drive one loop, recorded every millisecond.
 
     Raises:
@@ -79,16 +79,16 @@ def drive(label: str, loop: ClosedLoop, step: float = STEP) -> Ride:
     result = rollout(
         loop,
         loop.initial_state(jnp.asarray(SPEED)),
-        step=step,
-        steps=round(DURATION / step),
+        step=STEP,
+        steps=round(DURATION / STEP),
         max_events=800,
-        save_every=round(1e-3 / step),
+        save_every=round(1e-3 / STEP),
         save_switches=True,
     )
     path = result.path
     told = jax.vmap(loop.signals)(path.time, path.state, path.mode)
     if loop.observer is not None:
-        require_stable(loop.observer, path.state.observer, told.acceleration_offset, told.vehicle_speed, step)
+        require_stable(loop.observer, path.state.observer, told.acceleration_offset, told.vehicle_speed, STEP)
     result.raise_if_failed()
     true = jax.vmap(loop.measured)(path.time, path.state, path.mode).stiffness
     return Ride(label, loop, result, jax.tree.map(np.asarray, told), np.asarray(true))
