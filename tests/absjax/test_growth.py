@@ -15,7 +15,7 @@ from absjax.tyres.burckhardt import Burckhardt
 from absjax.tyres.surfaces import SURFACES
 
 NAMES = ("wet_asphalt", "snow")
-HOW = {"horizon": 30.0, "step": 1e-3, "max_events": 300}
+HOW = {"horizon": 30.0, "step": 1e-3, "max_events": 800}
 
 
 def test_growth_against_differences_and_where_tracking_is_unstable():
