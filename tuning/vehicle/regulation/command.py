@@ -44,6 +44,9 @@ def regulation_study(
     wiring: Annotated[
         str, typer.Option(help="independent, select_low_rear, or select_low on both axles.")
     ] = "select_low_rear",
+    speed: Annotated[
+        str | None, typer.Option(help="What estimates the car's speed, as kalman; the true one if missing.")
+    ] = None,
     located: Annotated[bool, typer.Option("--located", help="Switchings located instead of sampled.")] = False,
     force: Force = False,
 ) -> None:
@@ -54,9 +57,10 @@ def regulation_study(
         from tuning.controllers.config import TuningConfig
         from tuning.vehicle.regulation import study, tasks
 
-        VehicleEntry(model="four_wheel", wiring=wiring)
+        wired = {"wiring": wiring, "speed": speed}
+        VehicleEntry(model="four_wheel", **wired)
         names = study.chosen(None if controllers is None else controllers.split(","))
         chosen = tasks.cars_of(TuningConfig(), None if cars is None else cars.split(","))
-        return (), lambda: study.study(chosen, names, wiring, out, located=located)
+        return (), lambda: study.study(chosen, names, out, located=located, **wired)
 
     carry_out(out, work, about=REGULATION_STUDY, force=force)

@@ -32,8 +32,9 @@ def chosen(names: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(names or NAMES)
 
 
-def sets_of(controller: str, wiring: str) -> dict[str, TuningConfig]:
-    """The sets that are shipped of a controller, and its defaults, on a car of four wheels; told the true speed."""
+def sets_of(controller: str, wiring: str, speed: str | None = None) -> dict[str, TuningConfig]:
+    """The sets that are shipped of a controller, and its defaults, on a car of four wheels; `speed`: what estimates it
+    in the control unit, None tells the true one."""
     found = {"untuned": TuningConfig(controller=controller)}
     if controller in tuned_sets():
         found["tuned"] = tuned_sets()[controller]
@@ -43,7 +44,10 @@ def sets_of(controller: str, wiring: str) -> dict[str, TuningConfig]:
         name: dataclasses.replace(
             config,
             vehicle=VehicleEntry(
-                model="four_wheel", wiring=wiring, sets="one" if config.vehicle is None else config.vehicle.sets
+                model="four_wheel",
+                wiring=wiring,
+                sets="one" if config.vehicle is None else config.vehicle.sets,
+                speed=speed,
             ),
         )
         for name, config in found.items()
@@ -51,12 +55,15 @@ def sets_of(controller: str, wiring: str) -> dict[str, TuningConfig]:
 
 
 def study(
-    cars: dict[str, CarFigures], controllers: Sequence[str], wiring: str, out: Path, *, located: bool = False
+    cars: dict[str, CarFigures], controllers: Sequence[str], out: Path, *, located: bool = False, **wired: Any
 ) -> Iterator[Report]:
-    """A table for each controller, a line for each set and car, the worst of both loads; all rows as a file."""
+    """A table for each controller, a line for each set and car, the worst of both loads; all rows as a file.
+
+    `wired`: wiring and speed of `sets_of`.
+    """
     every: list[dict[str, Any]] = []
     for controller in controllers:
-        lines, sets = [], sets_of(controller, wiring)
+        lines, sets = [], sets_of(controller, **wired)
         for which, config in sets.items():
             for car, figures in cars.items():
                 rows = screening_of(config, car, figures, located=located).rows
