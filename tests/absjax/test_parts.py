@@ -54,7 +54,7 @@ def test_stops_to_walking_pace_switch_as_often_at_2_ms_as_at_a_quarter():
     loop, speed = random_loop(FivePhase, rng, lanes), random_speeds(rng, lanes)
     some = np.argsort(speed)[[24, 115, 38, 18]]
     loop = dataclasses.replace(taken(loop, some), stop_speed=0.7)
-    found = [stop(loop, speed[some], horizon=8.0, step=step, max_events=100) for step in (STEP, STEP / 8)]
+    found = [stop(loop, speed[some], horizon=8.0, step=step, max_events=200) for step in (STEP, STEP / 8)]
     for result in found:
         assert np.all(np.asarray(result.outcome) == Outcome.STOPPED)
     np.testing.assert_array_equal(*(result.rollout.events for result in found))
