@@ -11,10 +11,8 @@ LOCK_SPEEDS = (15 / 3.6, 2.5 / 3.6)
 """Vehicle speeds above which lock is counted, m/s: regulation tolerates it below the first (UN R13-H, annex 6), the
 source below the second (Aguado-Rojas 2019, section 2.3)."""
 DEEP_SLIP = -0.8
-"""Slip below which a wheel slides: a tyre has a fifth of its lateral force left there, and less. A wheel that is let go
-of for a moment whenever it stands has no long lock, and slides all the same."""
-
-
+"""Slip below which a wheel slides: at a side-slip of 4 deg it has less than a sixth of its lateral force left there. A
+wheel that is let go of for a moment whenever it stands has no long lock, and slides all the same."""
 NONE = -1.0
 """When none began."""
 
