@@ -60,7 +60,7 @@ REGULATION = About(
 )
 REGULATION_STUDY = About(
     "All controllers of a car, screened after UN Regulation 13-H, Annex 6",
-    "The simulated tests of `regulation` with every controller on every car: its default parameters, the shipped set "
+    "The simulated tests of regulation with every controller on every car: its default parameters, the shipped set "
     "that was tuned on one wheel, and that tuned on a car. It is no certificate.",
     {
         "screening": "Of both loads the worst. Epsilon at least 0.75; locks at most 0.2 s; wheels at a slip below "
