@@ -16,7 +16,7 @@ VEHICLE_STUDY = About(
         "roads that change": "The same of five phases where the road changes along the way: to less friction, to more, "
         "and a patch; no set was tuned on these. Wheels slide at a slip below -0.8 above 15 km/h: one that is let go "
         "of whenever it stands, and locks again, has no long lock, and slides all the same.",
-        "further roads": "On others, by which nothing has been chosen either.",
+        "further roads": "On others, on which nothing was tuned either.",
         "speed.png": "Speed of the car, estimated speed and rims; dashed lines: changes of the road.",
         "pressure.png": "Pressure in front and behind.",
         "load.png": "Loads of the axles, true and as reckoned from the measured acceleration.",

@@ -58,7 +58,7 @@ FURTHER = tuple(
         (("dry_cobblestones", "wet_asphalt", "dry_cobblestones"), (15.0, 40.0), (100.0,)),
     )
 )
-"""Others, by which nothing has been tuned or chosen."""
+"""Others, on which nothing has been tuned; they were looked at when the set of three cars was chosen."""
 
 
 class Found(NamedTuple):
