@@ -22,6 +22,7 @@ from absjax.parameters import model, part
 from absjax.sensors.base import Sensor
 from absjax.signals import Signals
 from absjax.speed.base import SpeedEstimator
+from absjax.speed.run import after_rolling
 
 
 class Unit(NamedTuple):
@@ -65,6 +66,10 @@ class SampledVehicle:
     )
     tick_every: int = 1
     substeps: int = 1
+    rolling: int = 0
+    """ticks of free rolling before it begins, which the speed estimator has been told of, its rims without error"""
+    period: float | None = None
+    """of the ticks, s; needed where there was rolling"""
 
     def __post_init__(self):
         if self.sensors and len(self.sensors) != len(self.loop.vehicle.places):
@@ -78,16 +83,19 @@ class SampledVehicle:
         for name in ("tick_every", "substeps"):
             if getattr(self, name) < 1:
                 raise ValueError(f"SampledVehicle.{name} = {getattr(self, name)} must be >= 1")
+        if self.rolling < 0 or (self.rolling and self.period is None):
+            raise ValueError(f"SampledVehicle.rolling = {self.rolling} must be >= 0, and needs the period of the ticks")
 
     def require_step(self, step: float) -> None:
         """Check the grid step [s] of a rollout.
 
         Raises:
-            ValueError: if the loop would not tick as often as a sensor expects.
+            ValueError: if the loop would not tick as often as it has it, or as a sensor expects.
         """
-        for expected in {sensor.period for sensor in self.sensors}:
+        named = [("the loop", self.period), *(("the sensor", sensor.period) for sensor in self.sensors)]
+        for whose, expected in named:
             if expected is not None and abs(step * self.tick_every - expected) > 1e-6 * expected:
-                raise ValueError(f"a tick every {step * self.tick_every:g} s; the sensor's period is {expected:g} s")
+                raise ValueError(f"a tick every {step * self.tick_every:g} s; {whose}'s period is {expected:g} s")
 
     def initial_state(self, speed) -> SampledVehicleState:
         """State of free rolling at `speed` [m/s], the first commands given at once."""
@@ -96,7 +104,11 @@ class SampledVehicle:
         measured, sensors = self.loop.measured(zero, state, 0), ()
         if self.sensors:
             measured, sensors = zip(*(s.begin(signals) for s, signals in zip(self.sensors, measured)))
-        estimator = None if self.speed is None else self.speed.initial_state(speed)
+        estimator = None
+        if self.speed is not None:
+            wheels = len(self.loop.vehicle.places)
+            rolled = speed, wheels, self.period or 0.0, self.rolling
+            estimator = after_rolling(self.speed, self.accelerometer, *rolled)
         accelerations = self._told_accelerations(zero, state)
         measured, accelerations = self._with_speed(measured, accelerations, estimator)
         told = self.loop.told(measured, state, parts)

@@ -1,9 +1,11 @@
 """What a longitudinal accelerometer tells.
 
-    a = v' + bias + sigma n,  n white and normal
+    a = (1 + e) v' + bias + sigma n,  n white and normal
 
-with the bias it has had since it was turned on. Reproducible: the noise of a sample is drawn from seed and time.
-Source of the bias: Aguado-Rojas 2019, section 3.6; the noise is ours.
+with the bias it has had since it was turned on. e is an error of its scale, and what is left of the body's pitch: a
+body that dives by k v' turns the sensor into gravity, which adds g k to the scale. Rolling tells the bias, not e.
+Reproducible: the noise of a sample is drawn from seed and time.
+Source of the bias: Aguado-Rojas 2019, section 3.6; scale and noise are ours.
 """
 
 from typing import Any
@@ -24,8 +26,13 @@ class Accelerometer:
     bias: Any = parameter("turn-on bias, m/s^2", default=0.5)
     noise: Any = parameter("sigma, standard deviation of a sample, m/s^2", default=0.1, low=0.0)
     seed: Any = parameter("of the noise, an integer", default=0, low=0.0)
+    gain: Any = parameter("e, share by which it tells more than there is", default=0.0, low=-1.0, open_low=True)
 
     def measure(self, acceleration, time):
         """The acceleration [m/s^2] as it tells it at `time` [s]; arrays broadcast."""
         acceleration = jnp.asarray(acceleration)
-        return acceleration + self.bias + self.noise * white_noise(self.seed, time, acceleration.dtype, CHANNEL)
+        return (
+            (1 + self.gain) * acceleration
+            + self.bias
+            + self.noise * white_noise(self.seed, time, acceleration.dtype, CHANNEL)
+        )

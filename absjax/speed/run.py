@@ -1,4 +1,4 @@
-"""Vehicle speed over a log: a scan over its samples."""
+"""Vehicle speed over a log, and over free rolling before a manoeuvre: scans over samples."""
 
 from typing import Any, NamedTuple
 
@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import lax
 
+from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator, SpeedSamples
 
 
@@ -48,3 +49,28 @@ def estimate_speed(estimator: SpeedEstimator, samples: SpeedSamples, period, *, 
     path = jax.tree.map(lambda x, xs: jnp.concatenate([x[None], xs]), start, path)
     acceleration = jax.vmap(estimator.acceleration_of)(path, samples.acceleration)
     return SpeedEstimates(jax.vmap(estimator.speed_of)(path), acceleration, path)
+
+
+def after_rolling(
+    estimator: SpeedEstimator, accelerometer: Accelerometer | None, speed, wheels: int, period: float, samples: int
+) -> Any:
+    """State of an estimator that has been told of a car which rolls freely, for so many samples up to the time 0.
+
+    A control unit is not turned on by the brake pedal: before, it has seen wheels that roll, which tell the bias of its
+    accelerometer. Scalars per lane.
+
+    Args:
+        estimator: begins at the first sample.
+        accelerometer: tells no acceleration, with its errors; None without any.
+        speed: of the car and its rims [m/s].
+        wheels: how many are told.
+        period: between two samples [s].
+        samples: how many; 0: it begins now.
+    """
+    rims = (speed,) * wheels
+
+    def body(state, number):
+        told = 0.0 * speed if accelerometer is None else accelerometer.measure(0.0 * speed, -period * number)
+        return estimator.update(state, told, rims, period), None
+
+    return lax.scan(body, estimator.initial_state(speed), jnp.arange(samples - 1, -1, -1))[0]

@@ -13,7 +13,7 @@ from absjax.signals import Signals
 from absjax.speed import SPEED_ESTIMATORS, FixedGradient, KalmanSpeed, LargestRim, ReferenceSpeed
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedSamples
-from absjax.speed.run import estimate_speed
+from absjax.speed.run import after_rolling, estimate_speed
 from tests.oracles import vehicle_speed as oracle
 
 PERIOD = 0.01
@@ -187,11 +187,36 @@ def test_a_wheel_that_spins_raises_the_reference_of_the_first_rank_only():
     assert speeds(ReferenceSpeed(), samples)[-1] == 30 and speeds(ReferenceSpeed(rank=2), samples)[-1] == 20
 
 
+@pytest.mark.parametrize("dtype, near", [(np.float64, 1e-9), (np.float32, 2e-4)])
+def test_free_rolling_before_against_the_matrices_of_the_textbook(dtype, near):
+    """The bias is found of what the accelerometer tells up to the time 0; of lanes as of one car."""
+    sensor, estimator, samples = Accelerometer(seed=2, gain=0.3), KalmanSpeed(**GATED), 150
+    time = PERIOD * np.arange(-samples, 1)
+    told = np.asarray(sensor.measure(np.zeros(time.size, dtype), time))
+    states, covariances = oracle.kalman(told, np.full((time.size, 2), 25.0), PERIOD, **GATED)
+
+    def rolled(speed):
+        return after_rolling(estimator, sensor, speed, 2, PERIOD, samples)
+
+    found = jax.jit(jax.vmap(rolled))(np.array([10.0, 25.0], dtype))
+    assert found.bias.dtype == dtype and abs(found.bias[1] - 0.5) < 0.05
+    np.testing.assert_allclose((found.speed[1], found.bias[1]), states[-1], rtol=near)
+    np.testing.assert_allclose(found.bias_variance[1], covariances[-1][1, 1], rtol=near)
+    np.testing.assert_allclose(found.bias[0], jax.jit(rolled)(found.speed.dtype.type(10.0)).bias, rtol=near)
+
+
+def test_without_rolling_before_an_estimator_begins_as_it_does():
+    begun = after_rolling(KalmanSpeed(), Accelerometer(), np.float64(20.0), 2, PERIOD, 0)
+    jax.tree.map(np.testing.assert_array_equal, begun, KalmanSpeed().initial_state(np.float64(20.0)))
+
+
 def test_accelerometer():
     time, braking = PERIOD * np.arange(4000), np.full(4000, -6.0)
     drawn = np.asarray(Accelerometer(noise=0.2, seed=3).measure(braking, time)) + 6.0
     assert drawn.mean() == pytest.approx(0.5, abs=0.02) and drawn.std() == pytest.approx(0.2, rel=0.05)
     assert np.asarray(Accelerometer(noise=0.2, seed=3).measure(-6.0, time[7])) + 6 == pytest.approx(drawn[7], rel=1e-12)
+    scaled = np.asarray(Accelerometer(noise=0.2, seed=3, gain=0.05).measure(braking, time)) + 6.0
+    np.testing.assert_allclose(scaled, drawn - 0.05 * 6.0, rtol=1e-9)
     signals = Signals(20.0, 0.0, 60.0, np.zeros(9), 0.3, 40.0, 0.5, time[:9])
     wheel = np.asarray(NoisySensor(noise=0.2, seed=3).begin(signals)[0].acceleration_offset)
     assert np.abs(wheel - (drawn[:9] - 0.5)).min() > 1e-4
@@ -206,6 +231,7 @@ def test_accelerometer():
         (lambda: ReferenceSpeed(refreshed_by=-1), r"ReferenceSpeed\.refreshed_by = -1"),
         (lambda: FixedGradient(wheel=-1), r"FixedGradient\.wheel = -1"),
         (lambda: Accelerometer(noise=-1.0), r"Accelerometer\.noise = -1"),
+        (lambda: Accelerometer(gain=-1.0), r"Accelerometer\.gain = -1"),
         (lambda: speeds(KalmanSpeed(wheels=3)), "KalmanSpeed needs the rim speeds of 3 wheels; 2 are given"),
         (lambda: speeds(ReferenceSpeed(refreshed_by=2)), "ReferenceSpeed needs the rim speeds of 3 wheels"),
     ],

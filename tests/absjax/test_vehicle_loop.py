@@ -214,5 +214,9 @@ def test_what_cannot_be_is_refused_and_a_lifted_axle_stays_finite(slope):
         dataclasses.replace(REAR_AXLE, brake_efficiency=0.0)
     with pytest.raises(ValueError, match="must name each of the 2 wheels once"):
         VehicleLoop(TwoAxle(roads), (Channel(BRAKE, FRONT),), END)
+    with pytest.raises(ValueError, match=r"SampledVehicle\.rolling = 5 must be >= 0, and needs the period"):
+        SampledVehicle(loop_of(), rolling=5)
+    with pytest.raises(ValueError, match=r"a tick every 0\.002 s; the loop's period is 0.001 s"):
+        stopped(SampledVehicle(loop_of(), rolling=5, period=1e-3))
     value, by_shift = slope(0.0, 1.6, SURFACES["dry_asphalt"])
     assert np.isfinite(value) and np.isfinite(by_shift)

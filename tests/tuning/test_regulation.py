@@ -162,10 +162,10 @@ def test_a_set_on_a_car_is_a_line_of_its_worst_rows():
 
 
 def test_of_every_controller_the_sets_that_are_shipped():
-    found = study.sets_of("five_phase", "select_low_rear")
-    assert list(found) == ["untuned", "tuned", "of the car"] and list(study.sets_of("no_control", "select_low")) == [
-        "untuned"
-    ]
+    found = study.sets_of("five_phase", wiring="select_low_rear")
+    assert list(found) == ["untuned", "tuned", "of the car"] and list(
+        study.sets_of("no_control", wiring="select_low")
+    ) == ["untuned"]
     assert {name: config.vehicle.sets for name, config in found.items()} == dict(zip(found, ("one", "one", "own")))
     assert all((c.vehicle.wiring, c.vehicle.speed) == ("select_low_rear", None) for c in found.values())
     with pytest.raises(ConfigError, match="--controllers: 'abs' is unknown"):

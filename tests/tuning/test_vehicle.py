@@ -66,8 +66,13 @@ def test_a_vehicle_makes_the_loop_of_a_batch_with_sets_of_its_axles():
     np.testing.assert_array_equal(front.eps1, own["front.eps1"])
     np.testing.assert_array_equal(rear.eps1, own["rear.eps1"])
     assert lanes.vehicle.roads[0].tyre.c1.shape == (4,)
-    unit = in_control_unit(lanes, 1, 1, 1e-3, None, batch.estimator, batch.accelerometer)
+    unit = in_control_unit(lanes, 1, 1, 1e-3, None, batch.estimator, batch.accelerometer, batch.rolling)
     assert unit.speed is batch.estimator and unit.accelerometer.bias == 0.5
+    first = dataclasses.replace(unit, loop=taken(unit.loop, 0))
+    begun, at_once = (
+        one.initial_state(np.float64(20.0)).unit.speed for one in (first, dataclasses.replace(first, rolling=0))
+    )
+    assert begun.bias == pytest.approx(0.5, abs=0.05) and at_once.bias == 0.0, "two seconds of rolling tell the bias"
     assert np.all(np.isfinite(batch.ideal)) and batch.ideal[1] > 2 * batch.ideal[0]
 
 

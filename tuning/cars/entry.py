@@ -71,6 +71,9 @@ class VehicleEntry(Entries):
         largest_yaw_rate, largest_side_slip: what it allows on the split road besides, a driver steering [deg/s, deg];
             None: any.
         accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
+        accelerometer_gain: share by which it tells more: its scale, and what is left of the body's pitch.
+        rolling: how long the car rolls freely before it brakes, with its unit turned on, where that estimates the
+            speed [s]; it finds the bias meanwhile. Two seconds are few; 0 is a unit that the pedal turns on.
     """
 
     car: Annotated[Any, BeforeValidator(_cars)] = dataclasses.field(default_factory=lambda: car_entry("mid_size"))
@@ -86,6 +89,8 @@ class VehicleEntry(Entries):
     largest_side_slip: Positive | None = None
     accelerometer_bias: Real = 0.5
     accelerometer_noise: NonNegative = 0.1
+    accelerometer_gain: Annotated[Real, Field(gt=-1.0)] = 0.02
+    rolling: NonNegative = 2.0
 
     def __post_init__(self):
         choice("vehicle.model", self.model, MODELS)
@@ -152,7 +157,8 @@ class VehicleEntry(Entries):
 
     def accelerometer(self) -> Accelerometer | None:
         """Of the control unit, where it estimates the speed."""
-        return None if self.speed is None else Accelerometer(self.accelerometer_bias, self.accelerometer_noise)
+        errors = self.accelerometer_bias, self.accelerometer_noise
+        return None if self.speed is None else Accelerometer(*errors, gain=self.accelerometer_gain)
 
     def loop(
         self,

@@ -78,6 +78,8 @@ class Batch:
     substeps: int = 1
     max_events: int = 800
     reference: str = "ideal"
+    rolling: float = 0.0
+    """of a vehicle before, which its estimator is told of, s"""
     delay: float | None = None
     """between a controller that predicts and the brake, s"""
 
@@ -107,8 +109,8 @@ class Batch:
         sets = len(next(iter(own.values()))) // self.rows
         sensor, accelerometer = (repeated(part, sets) for part in (self.sensor, self.accelerometer))
         sensor = told_through(sensor, of_chain(own))
-        how = ticks, self.substeps, ticks * (step or self.step), sensor, self.estimator, accelerometer, self.delay
-        system = in_control_unit(loop, *how, kind=kind) if ticks else loop
+        how = ticks, self.substeps, ticks * (step or self.step), sensor, self.estimator, accelerometer
+        system = in_control_unit(loop, *how, self.rolling, self.delay, kind=kind) if ticks else loop
         return stop(system, **self._how(own, step))
 
     def at_half_step(self, parameters: Mapping[str, Any]) -> tuple[Stop, Any]:
@@ -236,6 +238,7 @@ def batch_of(setup: Setup) -> Batch:
         sensor=setup.sensor,
         estimator=None if config.vehicle is None else config.vehicle.estimator(),
         accelerometer=None if config.vehicle is None else config.vehicle.accelerometer(),
+        rolling=0.0 if config.vehicle is None else config.vehicle.rolling,
         longest_cycle=config.longest_cycle,
         longest_lock=config.longest_lock,
         slide_time=config.slide_time,

@@ -64,6 +64,7 @@ def in_control_unit(
     sensor: Sensors = None,
     estimator: SpeedEstimator | None = None,
     accelerometer: Accelerometer | None = None,
+    rolling: float = 0.0,
     delay: float | None = None,
     kind: type[SampledLoop] = SampledLoop,
 ) -> SampledLoop | SampledVehicle:
@@ -75,6 +76,7 @@ def in_control_unit(
         period: between two tests [s].
         estimator: of the speed of a vehicle.
         accelerometer: of the unit, where it estimates the speed.
+        rolling: of the vehicle before, for the estimator [s].
         delay: between a controller that predicts and the brake [s].
         kind: of the loop of one wheel without such a delay.
     """
@@ -86,7 +88,9 @@ def in_control_unit(
     sensors = () if sensor is None else sensor
     if not isinstance(sensors, tuple):
         sensors = (sensors,) * len(loop.vehicle.places)
-    return SampledVehicle(loop, sensors, estimator, accelerometer, ticks, substeps)
+    return SampledVehicle(
+        loop, sensors, estimator, accelerometer, ticks, substeps, rolling=round(rolling / period), period=period
+    )
 
 
 def shortest(loop: ClosedLoop | VehicleLoop, speed: Any, horizon: float) -> Any:

@@ -96,6 +96,7 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
         sensor=sensor,
         estimator=None if config.vehicle is None else config.vehicle.estimator(),
         accelerometer=_accelerometer(config, seeds, rng),
+        rolling=0.0 if config.vehicle is None else config.vehicle.rolling,
         longest_cycle=config.longest_cycle,
         longest_lock=config.longest_lock,
         slide_time=config.slide_time,
@@ -133,11 +134,12 @@ def _with_brake(loop: Any, brake: Brake) -> Any:
 
 
 def _accelerometer(config: TuningConfig, seeds, rng: np.random.Generator) -> Accelerometer | None:
-    """That of a vehicle that estimates its speed: of another bias in every lane."""
+    """That of a vehicle that estimates its speed: of another bias and scale in every lane."""
     own = None if config.vehicle is None else config.vehicle.accelerometer()
     if own is None:
         return None
-    return dataclasses.replace(own, bias=own.bias * rng.normal(size=len(seeds)), seed=seeds)
+    bias, gain = (value * rng.normal(size=len(seeds)) for value in (own.bias, own.gain))
+    return dataclasses.replace(own, bias=bias, gain=gain, seed=seeds)
 
 
 def _radius(loop: Any) -> Any:

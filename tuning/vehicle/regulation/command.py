@@ -47,6 +47,11 @@ def regulation_study(
     speed: Annotated[
         str | None, typer.Option(help="What estimates the car's speed, as kalman; the true one if missing.")
     ] = None,
+    bias: Annotated[float, typer.Option(help="Of the accelerometer, where the speed is estimated, m/s^2.")] = 0.5,
+    gain: Annotated[float, typer.Option(help="Share by which it tells more than there is: scale and pitch.")] = 0.02,
+    rolling: Annotated[
+        float, typer.Option(help="Free rolling before the pedal, by which the bias is found, s; 0: none.")
+    ] = 2.0,
     located: Annotated[bool, typer.Option("--located", help="Switchings located instead of sampled.")] = False,
     force: Force = False,
 ) -> None:
@@ -57,10 +62,11 @@ def regulation_study(
         from tuning.controllers.config import TuningConfig
         from tuning.vehicle.regulation import study, tasks
 
-        wired = {"wiring": wiring, "speed": speed}
-        VehicleEntry(model="four_wheel", **wired)
+        told = {"accelerometer_bias": bias, "accelerometer_gain": gain, "rolling": rolling}
+        entries = {"wiring": wiring, "speed": speed, **told}
+        VehicleEntry(model="four_wheel", **entries)
         names = study.chosen(None if controllers is None else controllers.split(","))
         chosen = tasks.cars_of(TuningConfig(), None if cars is None else cars.split(","))
-        return (), lambda: study.study(chosen, names, out, located=located, **wired)
+        return (), lambda: study.study(chosen, names, out, located=located, **entries)
 
     carry_out(out, work, about=REGULATION_STUDY, force=force)

@@ -32,9 +32,9 @@ def chosen(names: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(names or NAMES)
 
 
-def sets_of(controller: str, wiring: str, speed: str | None = None) -> dict[str, TuningConfig]:
-    """The sets that are shipped of a controller, and its defaults, on a car of four wheels; `speed`: what estimates it
-    in the control unit, None tells the true one."""
+def sets_of(controller: str, **entries: Any) -> dict[str, TuningConfig]:
+    """The sets that are shipped of a controller, and its defaults, on a car of four wheels; `entries`: of its
+    `tuning.cars.entry.VehicleEntry`."""
     found = {"untuned": TuningConfig(controller=controller)}
     if controller in tuned_sets():
         found["tuned"] = tuned_sets()[controller]
@@ -44,10 +44,7 @@ def sets_of(controller: str, wiring: str, speed: str | None = None) -> dict[str,
         name: dataclasses.replace(
             config,
             vehicle=VehicleEntry(
-                model="four_wheel",
-                wiring=wiring,
-                sets="one" if config.vehicle is None else config.vehicle.sets,
-                speed=speed,
+                model="four_wheel", sets="one" if config.vehicle is None else config.vehicle.sets, **entries
             ),
         )
         for name, config in found.items()
@@ -55,15 +52,15 @@ def sets_of(controller: str, wiring: str, speed: str | None = None) -> dict[str,
 
 
 def study(
-    cars: dict[str, CarFigures], controllers: Sequence[str], out: Path, *, located: bool = False, **wired: Any
+    cars: dict[str, CarFigures], controllers: Sequence[str], out: Path, *, located: bool = False, **entries: Any
 ) -> Iterator[Report]:
     """A table for each controller, a line for each set and car, the worst of both loads; all rows as a file.
 
-    `wired`: wiring and speed of `sets_of`.
+    `entries`: as `sets_of` has them.
     """
     every: list[dict[str, Any]] = []
     for controller in controllers:
-        lines, sets = [], sets_of(controller, **wired)
+        lines, sets = [], sets_of(controller, **entries)
         for which, config in sets.items():
             for car, figures in cars.items():
                 rows = screening_of(config, car, figures, located=located).rows
