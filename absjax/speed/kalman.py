@@ -62,7 +62,7 @@ class KalmanSpeed:
     title: ClassVar[str] = "Kalman filter"
 
     speed_drift: Any = parameter("q_v, density of what drives v, m/s^1.5", default=0.015, span=(1e-3, 5.0), **TUNED)
-    bias_drift: Any = parameter("q_b, density of what drives b, m/s^2.5", default=0.02, span=(1e-4, 1.0), **TUNED)
+    bias_drift: Any = parameter("q_b, density of what drives b, m/s^2.5", default=0.0025, span=(1e-4, 1.0), **TUNED)
     bias_deviation: Any = parameter("of b when it begins, m/s^2", default=2.0, span=(0.05, 3.0), **TUNED)
     rim_noise: Any = parameter("r, of a rolling wheel, m/s", default=0.1, span=(5e-3, 3.0), **TUNED)
     below: Any = parameter("k of rims below the estimate, standard deviations", default=0.3, span=(0.05, 50.0), **TUNED)

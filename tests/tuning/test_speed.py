@@ -27,6 +27,7 @@ SHORT = {
     "controllers": ["two_phase"],
     "estimators": ["kalman_front", "reference", "largest_rim"],
     "tune": ["reference.margin", "reference.steadiness"],
+    "gains": [0.04],
     "delay": 0.3,
     "horizon": 2.8,
     "starts": 1,
@@ -49,7 +50,7 @@ def bench(told):
 
 def test_a_stop_is_of_one_car(told):
     stops = told.stops
-    assert stops.speed.shape == (4, 281) and told.names[1] == "wet_asphalt, 50 km/h, two_phase, bias -0.5"
+    assert stops.speed.shape == (4, 281) and told.names[1] == "wet_asphalt, 50 km/h, two_phase, bias -0.5, gain +0.04"
     travelled = np.cumsum((stops.acceleration[:, 1:] + stops.acceleration[:, :-1]) / 2 * stops.period, axis=1)
     moves = np.cumsum(~stops.active[:, 60:], axis=1) == 0
     found = (stops.speed[:, :1] + travelled)[:, 59:]
@@ -63,7 +64,7 @@ def test_a_stop_is_of_one_car(told):
 
 def test_what_is_told_of_a_stop(told):
     stops, samples = told.stops, told.samples
-    off = samples.acceleration - stops.acceleration
+    off = samples.acceleration - 1.04 * stops.acceleration
     np.testing.assert_allclose(off.mean(axis=1), [0.5, -0.5, 0.5, -0.5], atol=0.05)
     assert off.std(axis=1) == pytest.approx(0.1, rel=0.25)
     noise = samples.rims - stops.rims

@@ -13,6 +13,7 @@ from tuning.core.config import (
     Names,
     NonNegative,
     Positive,
+    Real,
     Reals,
     Whole,
     choice,
@@ -41,7 +42,9 @@ class SpeedConfig(SearchConfig):
         held_out: roads judged on, from each of `held_out_speeds_kmh`, or the speeds of its own.
         controllers: names in `absjax.controllers.CONTROLLERS`, whose shipped sets act on both axles; every stop is made
             under each.
-        biases: of the accelerometer [m/s^2]; every stop is told with each.
+        biases: of the accelerometer [m/s^2].
+        gains: of it, shares by which it tells more: its scale, and the body's pitch; every stop is told with each bias
+            and each gain.
         noise: standard deviation of a sample of the accelerometer [m/s^2].
         rim_noise: of a rim speed [m/s].
         delay: before the pedal is touched, which is what an estimator has to find the bias by [s].
@@ -69,14 +72,18 @@ class SpeedConfig(SearchConfig):
         Surfaces(("wet_cobblestones", "dry_concrete", "wet_cobblestones"), (30.0, 60.0)),
     )
     held_out_speeds_kmh: Speeds = (90.0, 160.0)
-    controllers: Annotated[Names, Field(min_length=1)] = ("two_phase", "five_phase")
+    controllers: Annotated[Names, Field(min_length=1)] = ("two_phase", "five_phase", "slip")
     biases: Annotated[Reals, Field(min_length=1, max_length=LONGEST)] = (0.5, -0.5)
+    gains: Annotated[tuple[Annotated[Real, Field(gt=-1.0)], ...], Field(min_length=1, max_length=LONGEST)] = (
+        0.02,
+        -0.02,
+    )
     noise: NonNegative = 0.1
     rim_noise: NonNegative = 0.05
-    delay: Positive = 0.5
+    delay: Positive = 2.0
     stop_speed: Positive = 15 / 3.6
     period: Annotated[Positive, Field(ge=2e-3, le=0.1)] = 0.01
-    horizon: Annotated[Positive, Field(le=60.0)] = 14.0
+    horizon: Annotated[Positive, Field(le=60.0)] = 22.0
     starts: Count = 3
     screened: Count = 32
     iterations: Count = 60

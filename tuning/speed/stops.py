@@ -168,7 +168,7 @@ class Told:
     @property
     def roads(self) -> list[str]:
         """Road and bias of every stop."""
-        return [f"{name.rsplit(', ', 3)[0]}, {name.rpartition(', ')[2]}" for name in self.names]
+        return [f"{name.rsplit(', ', 4)[0]}, {name.rsplit(', ', 2)[1]}" for name in self.names]
 
     def after_rolling(self, seconds: float) -> "Told":
         """The same after `Stops.after_rolling`, told anew."""
@@ -176,12 +176,20 @@ class Told:
         return dataclasses.replace(self, stops=stops, samples=stops.told(*self.measured))
 
     @classmethod
-    def of(cls, names, stops: Stops, biases: Sequence[float], noise: float, rim_noise: float, seed: int) -> "Told":
-        """Every stop with every bias of the accelerometer [m/s^2]."""
-        count = len(names) * len(biases)
-        index, seeds = np.repeat(np.arange(len(names)), len(biases)), seed + np.arange(count)
-        each = stops.select(index)
-        sensor = Accelerometer(np.tile(np.asarray(biases, float), len(names)), noise, seeds)
-        named = tuple(f"{name}, bias {bias:+g}" for name in names for bias in biases)
+    def of(
+        cls,
+        names: Sequence[str],
+        stops: Stops,
+        errors: Sequence[tuple[float, float]],
+        noise: float,
+        rim_noise: float,
+        seed: int,
+    ) -> "Told":
+        """Every stop with every error of the accelerometer, its bias [m/s^2] and its gain."""
+        count = len(names) * len(errors)
+        index, seeds = np.repeat(np.arange(len(names)), len(errors)), seed + np.arange(count)
+        each, (biases, gains) = stops.select(index), np.tile(np.array(errors, float).T, len(names))
+        sensor = Accelerometer(biases, noise, seeds, gains)
+        named = tuple(f"{name}, bias {bias:+g}, gain {gain:+g}" for name in names for bias, gain in errors)
         measured = sensor, rim_noise, seeds
         return cls(named, each, each.told(*measured), measured)

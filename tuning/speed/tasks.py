@@ -1,6 +1,7 @@
 """The command on vehicle speed: estimators tuned on simulated stops and judged on others."""
 
 import dataclasses
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -34,14 +35,15 @@ def stops_of(config: SpeedConfig, entry: str) -> Told:
     made = [simulate(road, speeds, controller, **how) for controller in config.controllers]
     names = [f"{name_of(road)}, {speed:g} km/h, {c}" for c in config.controllers for road, speed in stops]
     seed = config.seed + 10_000 * (entry == "held_out")
-    return Told.of(names, Stops.joined(made), config.biases, config.noise, config.rim_noise, seed)
+    errors = list(itertools.product(config.biases, config.gains))
+    return Told.of(names, Stops.joined(made), errors, config.noise, config.rim_noise, seed)
 
 
 def speed_study(config: SpeedConfig, out: Path, progress: Progress, journal: Journal) -> Report:
     """Tune every estimator, judge it on stops held out, and on the published scenario."""
     training, held_out = Bench.of(stops_of(config, "roads")), stops_of(config, "held_out")
     judged, scenario = Bench.of(held_out), published_scenario(config.period, config.controllers[0])
-    told = Told.of(["Fig. 3.15"], scenario, (SCENARIO_BIAS,), config.noise, config.rim_noise, config.seed)
+    told = Told.of(["Fig. 3.15"], scenario, [(SCENARIO_BIAS, 0.0)], config.noise, config.rim_noise, config.seed)
     published = Bench.of(told)
     sets: dict[str, tuple[Any, Any]] = {}
     parameters, tuned, interrupted = {}, {}, False
