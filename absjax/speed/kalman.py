@@ -9,14 +9,18 @@ Between samples, with P the covariance and T the period,
 
 and at a sample one scalar update for each wheel, the innovation e_i = z_i - v, its variance P_vv + R_i:
 
-    R_i = r^2 (1 + x_i)^2,     x_i = e_i^2 / (k^2 (P_vv + r^2)) + ((R w_i' - a^) / A)^2
+    R_i = r^2 (1 + x_i)^2,     x_i = s e_i^2 / (k^2 (P_vv + r^2)) + ((R w_i' - a^) / A)^2,     s = (1 + (u / a^)^4)^-2
 
 x_i says that a wheel slips: by its innovation, in standard deviations k of those below and of those above the estimate,
 and by its own acceleration. A wheel that rolls has x_i near zero; one that slips is hardly counted, and the estimate
 coasts on the accelerometer. While it coasts P_vv grows, and with it what is taken for rolling, so that the wheels are
-found again. Rims lie below the speed while a car brakes: what lies above tells more. c is the slip of a braked wheel
-over the deceleration, zero where it is neglected. A wheel that control has let go of rolls without that slip: z_i is
-nearest to v between R w_i and (1 - c a^) R w_i, so that a slip it may not have lifts no estimate above its rim.
+found again. s is near zero where the car hardly brakes: wheels that turn steadily there roll, however far they are from
+the estimate. Without it an estimate that has come to lie above the speed, by more than the slip that control aims at,
+stays there: the wheels are let go of, roll, and count as slipping.
+
+Rims lie below the speed while a car brakes: what lies above tells more. c is the slip of a braked wheel over the
+deceleration, zero where it is neglected. A wheel that control has let go of rolls without that slip: z_i is nearest to
+v between R w_i and (1 - c a^) R w_i, so that a slip it may not have lifts no estimate above its rim.
 
 Source: Aguado-Rojas 2019, section 3.6, for signals and bias, who takes the filter from Daiss and Kiencke 1995; how a
 wheel is told to slip, and c_i, are ours.
@@ -70,6 +74,9 @@ class KalmanSpeed:
     deviation: Any = parameter(
         "A, difference of a rim's acceleration from the car's, m/s^2", default=3.0, span=(0.3, 500.0), **TUNED
     )
+    unbraked: Any = parameter(
+        "u, deceleration below which no wheel slips, m/s^2", default=0.3, span=(0.05, 10.0), **TUNED
+    )
     slip: Any = parameter(
         "c, slip over deceleration, s^2/m", default=0.003, low=0.0, high=0.05, trainable=True, span=(0.0, 0.03)
     )
@@ -97,7 +104,7 @@ class KalmanSpeed:
         covariance = state.covariance - period * state.bias_variance
         bias_variance = state.bias_variance + period * self.bias_drift**2
         measured = [
-            (z, self.rim_variance(z - speed, change - car, variance), lagged)
+            (z, self.rim_variance(z - speed, change - car, variance, car), lagged)
             for z, change, lagged in self._measured(state, speed, car, rims, period)
         ]
         for z, noise, _ in measured:
@@ -115,16 +122,20 @@ class KalmanSpeed:
             nearest = jnp.clip(speed, jnp.minimum(rim, braked), jnp.maximum(rim, braked))
             yield nearest, *rim_acceleration(rim, lagged, self.lag, period)
 
-    def rim_variance(self, innovation, change, variance):
+    def rim_variance(self, innovation, change, variance, car):
         """R_i [m^2/s^2] of a wheel.
 
         Args:
             innovation: e_i [m/s].
             change: acceleration of the rim less that of the car [m/s^2].
             variance: P_vv before the sample [m^2/s^2].
+            car: a^, acceleration of the car [m/s^2].
         """
         deviations = jnp.where(innovation < 0, self.below, self.above)
-        slips = innovation**2 / (deviations**2 * (variance + self.rim_noise**2)) + (change / self.deviation) ** 2
+        braked = (car**4 / (car**4 + self.unbraked**4)) ** 2
+        slips = (
+            braked * innovation**2 / (deviations**2 * (variance + self.rim_noise**2)) + (change / self.deviation) ** 2
+        )
         return self.rim_noise**2 * (1 + slips) ** 2
 
     def speed_of(self, state: KalmanState):

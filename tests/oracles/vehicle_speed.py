@@ -18,6 +18,7 @@ def kalman(
     above,
     deviation,
     slip,
+    unbraked,
     lag=0.02,
     least=0.1,
 ):
@@ -44,7 +45,8 @@ def kalman(
             lagged[i] += period * rate
             e = told[i] - state[0]
             k = below if e < 0 else above
-            x = e**2 / (k**2 * (P[0, 0] + rim_noise**2)) + (rate - car) ** 2 / deviation**2
+            brakes = 1 / (1 + (unbraked / car) ** 4) ** 2
+            x = brakes * e**2 / (k**2 * (P[0, 0] + rim_noise**2)) + (rate - car) ** 2 / deviation**2
             R[i, i] = rim_noise**2 * (1 + x) ** 2
         K = P @ H.T @ np.linalg.inv(H @ P @ H.T + R)
         state = state + K @ (told - H @ state)

@@ -21,6 +21,7 @@ UNTUNED: dict[str, Any] = {
     "below": 2.0,
     "above": 5.0,
     "deviation": 5.0,
+    "unbraked": 0.5,
     "slip": 0.0,
 }
 """Of the Kalman filter, guessed: what it is tuned from. The class has tuned values by default."""
