@@ -190,7 +190,7 @@ def test_a_wheel_that_spins_raises_the_reference_of_the_first_rank_only():
 @pytest.mark.parametrize("dtype, near", [(np.float64, 1e-9), (np.float32, 2e-4)])
 def test_free_rolling_before_against_the_matrices_of_the_textbook(dtype, near):
     """The bias is found of what the accelerometer tells up to the time 0; of lanes as of one car."""
-    sensor, estimator, samples = Accelerometer(seed=2, gain=0.3), KalmanSpeed(**GATED), 150
+    sensor, estimator, samples = Accelerometer(seed=2, gain=0.3, slope=0.7), KalmanSpeed(**GATED), 150
     time = PERIOD * np.arange(-samples, 1)
     told = np.asarray(sensor.measure(np.zeros(time.size, dtype), time))
     states, covariances = oracle.kalman(told, np.full((time.size, 2), 25.0), PERIOD, **GATED)
@@ -225,8 +225,8 @@ def test_accelerometer():
     drawn = np.asarray(Accelerometer(noise=0.2, seed=3).measure(braking, time)) + 6.0
     assert drawn.mean() == pytest.approx(0.5, abs=0.02) and drawn.std() == pytest.approx(0.2, rel=0.05)
     assert np.asarray(Accelerometer(noise=0.2, seed=3).measure(-6.0, time[7])) + 6 == pytest.approx(drawn[7], rel=1e-12)
-    scaled = np.asarray(Accelerometer(noise=0.2, seed=3, gain=0.05).measure(braking, time)) + 6.0
-    np.testing.assert_allclose(scaled, drawn - 0.05 * 6.0, rtol=1e-9)
+    scaled = np.asarray(Accelerometer(noise=0.2, seed=3, gain=0.05, slope=0.3).measure(braking, time)) + 6.0
+    np.testing.assert_allclose(scaled, drawn - 0.05 * 6.0 + np.where(time > 0, 0.3, 0.0), rtol=1e-9)
     signals = Signals(20.0, 0.0, 60.0, np.zeros(9), 0.3, 40.0, 0.5, time[:9])
     wheel = np.asarray(NoisySensor(noise=0.2, seed=3).begin(signals)[0].acceleration_offset)
     assert np.abs(wheel - (drawn[:9] - 0.5)).min() > 1e-4

@@ -72,6 +72,8 @@ class VehicleEntry(Entries):
             None: any.
         accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
         accelerometer_gain: share by which it tells more: its scale, and what is left of the body's pitch.
+        accelerometer_slope: by which it tells more from where the manoeuvre begins, as on a road that begins to fall
+            [m/s^2]; the car is not moved by it.
         rolling: how long the car rolls freely before it brakes, with its unit turned on, where that estimates the
             speed [s]; it finds the bias meanwhile. Two seconds are few; 0 is a unit that the pedal turns on.
     """
@@ -90,6 +92,7 @@ class VehicleEntry(Entries):
     accelerometer_bias: Real = 0.5
     accelerometer_noise: NonNegative = 0.1
     accelerometer_gain: Annotated[Real, Field(gt=-1.0)] = 0.02
+    accelerometer_slope: Real = 0.0
     rolling: NonNegative = 2.0
 
     def __post_init__(self):
@@ -157,8 +160,8 @@ class VehicleEntry(Entries):
 
     def accelerometer(self) -> Accelerometer | None:
         """Of the control unit, where it estimates the speed."""
-        errors = self.accelerometer_bias, self.accelerometer_noise
-        return None if self.speed is None else Accelerometer(*errors, gain=self.accelerometer_gain)
+        errors, slope = (self.accelerometer_bias, self.accelerometer_noise), self.accelerometer_slope
+        return None if self.speed is None else Accelerometer(*errors, gain=self.accelerometer_gain, slope=slope)
 
     def loop(
         self,

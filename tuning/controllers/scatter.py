@@ -134,12 +134,12 @@ def _with_brake(loop: Any, brake: Brake) -> Any:
 
 
 def _accelerometer(config: TuningConfig, seeds, rng: np.random.Generator) -> Accelerometer | None:
-    """That of a vehicle that estimates its speed: of another bias and scale in every lane."""
+    """That of a vehicle that estimates its speed: of other errors in every lane."""
     own = None if config.vehicle is None else config.vehicle.accelerometer()
     if own is None:
         return None
-    bias, gain = (value * rng.normal(size=len(seeds)) for value in (own.bias, own.gain))
-    return dataclasses.replace(own, bias=bias, gain=gain, seed=seeds)
+    errors = {name: getattr(own, name) * rng.normal(size=len(seeds)) for name in ("bias", "gain", "slope")}
+    return dataclasses.replace(own, **errors, seed=seeds)
 
 
 def _radius(loop: Any) -> Any:

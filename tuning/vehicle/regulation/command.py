@@ -49,6 +49,9 @@ def regulation_study(
     ] = None,
     bias: Annotated[float, typer.Option(help="Of the accelerometer, where the speed is estimated, m/s^2.")] = 0.5,
     gain: Annotated[float, typer.Option(help="Share by which it tells more than there is: scale and pitch.")] = 0.02,
+    slope: Annotated[
+        float, typer.Option(help="By which it tells more from the pedal on, as where a road begins to fall, m/s^2.")
+    ] = 0.0,
     rolling: Annotated[
         float, typer.Option(help="Free rolling before the pedal, by which the bias is found, s; 0: none.")
     ] = 2.0,
@@ -62,8 +65,8 @@ def regulation_study(
         from tuning.controllers.config import TuningConfig
         from tuning.vehicle.regulation import study, tasks
 
-        told = {"accelerometer_bias": bias, "accelerometer_gain": gain, "rolling": rolling}
-        entries = {"wiring": wiring, "speed": speed, **told}
+        errors = {"accelerometer_bias": bias, "accelerometer_gain": gain, "accelerometer_slope": slope}
+        entries = {"wiring": wiring, "speed": speed, "rolling": rolling, **errors}
         VehicleEntry(model="four_wheel", **entries)
         names = study.chosen(None if controllers is None else controllers.split(","))
         chosen = tasks.cars_of(TuningConfig(), None if cars is None else cars.split(","))
