@@ -13,9 +13,9 @@ VEHICLE_STUDY = About(
         "observers told": "The same of observers that are told another relaxation length of the tyres, or none.",
         "distances": "Distance over the ideal one of the car under the same pedal, mean and worst of all roads and "
         "speeds: default sets, sets tuned on a quarter car, and sets tuned on the car.",
-        "roads that change": "The same of five phases and of wheel slip where the road changes along the way: to less friction, to more, "
-        "and a patch; no set was tuned on these. Wheels slide at a slip below -0.8 above 15 km/h: one that is let go "
-        "of whenever it stands, and locks again, has no long lock, and slides all the same.",
+        "roads that change": "The same of five phases and of wheel slip where the road changes along the way: to less "
+        "friction, to more, and a patch; no set was tuned on these. Wheels slide at a slip below -0.8 above 15 km/h: "
+        "one that is let go of whenever it stands, and locks again, has no long lock, and slides all the same.",
         "further roads": "On others, on which nothing was tuned either.",
         "speed.png": "Speed of the car, estimated speed and rims; dashed lines: changes of the road.",
         "pressure.png": "Pressure in front and behind.",
