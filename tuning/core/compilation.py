@@ -29,6 +29,8 @@ def keep_compiled() -> Path:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    # The folder of XLA's own stores, for graphics processors only, would be part of what each program is called.
+    jax.config.update("jax_persistent_cache_enable_xla_caches", "none")
     return folder
 
 
