@@ -54,7 +54,11 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(scope="module", autouse=True)
 def programs_of_some_files():
-    """Files share programs, most of all the small ones; a process that kept those of the whole suite would end."""
+    """Files share programs, most of all the small ones; a process that kept those of the whole suite would end.
+
+    One that begins a file with many would drop them in the midst of it, where a command is run, and trace and read
+    again what the file uses next.
+    """
     yield
     assert os.environ["XLA_FLAGS"] == FLAGS, "all programs from here on would be called otherwise and compiled anew"
-    compilation.drop_if_many()
+    compilation.drop_if_many(compilation.MOST_MAPPINGS // 2)

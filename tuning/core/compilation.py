@@ -34,12 +34,13 @@ def keep_compiled() -> Path:
     return folder
 
 
-def drop_if_many() -> None:
-    """Drop the compiled programs of this process if they take more than `MOST_MAPPINGS`; called where others follow.
+def drop_if_many(most: int | None = None) -> None:
+    """Drop the compiled programs of this process if they take more mappings than `most`, by default `MOST_MAPPINGS`;
+    called where others follow.
 
     What is used again is read from disk, or compiled again.
     """
-    if MAPPINGS.exists() and MAPPINGS.read_bytes().count(b"\n") > MOST_MAPPINGS:
+    if MAPPINGS.exists() and MAPPINGS.read_bytes().count(b"\n") > (MOST_MAPPINGS if most is None else most):
         jax.clear_caches()
 
 
