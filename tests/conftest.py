@@ -15,8 +15,8 @@ os.environ[compilation.FOLDER] = str(compilation.keep_compiled())
 
 # A sixth of the time of compilation, for programs that run at two thirds of their speed; and a twelfth, by code made in
 # one piece. The command line's tests leave both away (`test_cli.py`): there all is as a user has it.
-# The width of vectors is the one XLA has by itself. Told, a command leaves it alone; else it would set another, too late
-# for the process to have it, but all programs after it would be called otherwise and compiled anew.
+# The width of vectors is the one XLA has by itself. Told, a command leaves it alone; else it would set another, too
+# late for the process to have it, but all programs after it would be called otherwise and compiled anew.
 FASTER = (
     "--xla_cpu_use_fusion_emitters=false --xla_cpu_parallel_codegen_split_count=1 --xla_cpu_prefer_vector_width=256"
 )

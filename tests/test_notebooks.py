@@ -36,8 +36,8 @@ jax.config.update("jax_enable_x64", False)
 matplotlib.pyplot.close("all")
 del gc, jax, keep_compiled, matplotlib
 """
-"""Nothing is left of the notebook before: no name, no figure, no double precision. Programs are kept, and what is traced
-is not looked through, as in the tests."""
+"""Nothing is left of the notebook before: no name, no figure, no double precision. As in the tests, programs are
+kept and what is traced is not looked through."""
 
 
 @pytest.fixture(scope="module")

@@ -35,7 +35,7 @@ DRIVER = Driver(rate=600.0, delay=0.02)
 FRONT, REAR = FivePhase(), FivePhase(eps0=40.0, eps1=25.0, eps3=15.0, u1=5000.0)
 SPEED, END, HORIZON = 16.0, 8.0, 12.0
 STEPS, EVENTS = 6000, 400
-"""One number of grid points for every step, that of the documentation too: one program, which ends with its last lane."""
+"""One number of grid points for every step, as in the documentation: one program, which ends with its last lane."""
 
 
 def loop_of(front=FRONT, rear=REAR, road=WET, driver=DRIVER, **car) -> VehicleLoop:
