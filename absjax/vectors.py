@@ -12,7 +12,8 @@ CPU = Path("/proc/cpuinfo")
 def prefer_wide_vectors() -> bool:
     """Make XLA use vectors of 512 bits where the processor has them; it takes 256 by itself.
 
-    To be called before JAX compiles anything, since XLA reads its flags once. A width that the environment's
+    To be called before JAX compiles anything, since XLA reads its flags once; later it changes nothing but what kept
+    programs are found by. A width that the environment's
     `XLA_FLAGS` sets is left alone. Results may differ in the last bit.
 
     Returns:

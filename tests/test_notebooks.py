@@ -26,13 +26,18 @@ def test_there_are_notebooks():
 
 BLANK = """
 %reset -f
+import gc
 import jax
 import matplotlib.pyplot
+from tuning.core.compilation import keep_compiled
+gc.set_threshold(100_000, 50, 100)
+keep_compiled()
 jax.config.update("jax_enable_x64", False)
 matplotlib.pyplot.close("all")
-del jax, matplotlib
+del gc, jax, keep_compiled, matplotlib
 """
-"""Nothing is left of the notebook before: no name, no figure, no double precision."""
+"""Nothing is left of the notebook before: no name, no figure, no double precision. As in the tests, programs are
+kept and what is traced is not looked through."""
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +45,6 @@ def client():
     """A kernel for all of them: most of what a notebook takes is the start of a process and of JAX."""
     with pytest.MonkeyPatch.context() as environment:
         environment.setenv("MPLBACKEND", "module://matplotlib_inline.backend_inline")
-        environment.setenv("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0")
         # As many as the tests have: kept programs are those of as many devices.
         environment.setenv("JAX_NUM_CPU_DEVICES", str(jax.local_device_count()))
         client = NotebookClient(nbformat.v4.new_notebook(), timeout=300, kernel_name="python3")

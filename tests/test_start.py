@@ -42,14 +42,17 @@ print(float(jax.jit(lambda x: jnp.sin(x) * 3)(1.0)), len(hits))
 """
 
 
-def test_a_program_is_compiled_once_for_all_runs(tmp_path, monkeypatch):
-    monkeypatch.setenv(compilation.FOLDER, str(tmp_path / "programs"))
-    first, second = (
-        subprocess.run([sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=True).stdout.split()
-        for _ in range(2)
-    )
+def test_a_program_is_compiled_once_for_all_runs_wherever_it_is_kept(tmp_path, monkeypatch):
+    def run(folder):
+        monkeypatch.setenv(compilation.FOLDER, str(folder))
+        command = [sys.executable, "-c", PROGRAM]
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
+
+    here, there = tmp_path / "programs", tmp_path / "moved"
+    first = run(here)
+    assert any(here.iterdir())
+    second = run(here.rename(there))
     assert first[0] == second[0] and (int(first[1]), int(second[1]) > 0) == (0, True)
-    assert any((tmp_path / "programs").iterdir())
 
 
 def test_a_long_compilation_is_told_of_once(monkeypatch):

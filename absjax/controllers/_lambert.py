@@ -5,6 +5,7 @@ Source: Aguado-Rojas 2019, appendix B.
 
 import math
 
+import jax
 import jax.numpy as jnp
 from jax import lax
 
@@ -12,6 +13,7 @@ ITERATIONS = 12
 BRANCH_POINT = -math.exp(-1.0)
 
 
+@jax.jit
 def lambert_w0(x):
     """W0(x) for x in [-1/e, 0]; x below -1/e, by rounding, counts as -1/e.
 

@@ -19,6 +19,7 @@ Source: Aguado-Rojas 2019, section 4.3, eq. 4.5 to 4.18; the fixed point is work
 import math
 from typing import Any, NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
@@ -68,6 +69,11 @@ def kappa_of(c, d, zref, chi_a, chi_b):
         least = -np.asarray(d) / np.asarray(c)
         if not np.all((np.asarray(chi_a) > least) & (np.asarray(chi_a) < np.asarray(chi_b))):
             raise ValueError(f"chi_a = {chi_a} must be above -d/c = {least} and below chi_b = {chi_b}")
+    return _kappa(c, d, zref, chi_a, chi_b)
+
+
+@jax.jit
+def _kappa(c, d, zref, chi_a, chi_b):
     return jnp.log((d + c * chi_a) / (d + c * chi_b)) / (c * zref)
 
 
@@ -76,6 +82,7 @@ def _require_positive(name: str, value) -> None:
         raise ValueError(f"{name} = {value} must be positive")
 
 
+@jax.jit
 def poincare_map(zeta, alpha, kappa):
     """One cycle from zeta = z1 / zref < 0 at the beginning of the release to the next, by Lambert's W [eq. 4.13]."""
     delta1 = zeta + jnp.log(1 - zeta) - 1 + alpha * kappa
@@ -99,7 +106,11 @@ def two_phase_cycle(c, d, *, zref, gain, chi_a, chi_b) -> TwoPhaseCycle:
         ValueError: unless c, zref and gain are positive and -d/c < chi_a < chi_b.
     """
     _require_positive("gain", gain)
-    kappa = kappa_of(c, d, zref, chi_a, chi_b)
+    return _cycle(kappa_of(c, d, zref, chi_a, chi_b), zref, gain)
+
+
+@jax.jit
+def _cycle(kappa, zref, gain) -> TwoPhaseCycle:
     half = -0.5 * gain * kappa
     # q - tanh q = alpha |kappa| / 2: convex and rising, with q - tanh q near q^3 / 3 for small q.
     fixed = lax.stop_gradient(jnp.asarray(half))

@@ -40,6 +40,7 @@ class DelayMargin(NamedTuple):
     stable: jax.Array
 
 
+@jax.jit
 def delay_margin(gain, speed, theta, notch: Any = 1.0, zn: Any = 1.0, zd: Any = 1.0) -> DelayMargin:
     """Delay margin of the loop; scalars. Without `zn` and `zd` there is no filter.
 

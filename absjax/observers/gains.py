@@ -30,6 +30,7 @@ class GainPair(NamedTuple):
     lyapunov: Any
 
 
+@jax.jit
 def characteristic(*factors: Sequence[Any]):
     """Monic polynomial, highest power first, as the product of monic factors.
 
@@ -69,7 +70,7 @@ def normal_form(A, C):
     if A.shape != (n, n) or C.shape != (n,):
         raise ValueError(f"A {A.shape} must be square and C {C.shape} a row of it")
     alpha, T = _normal_form(A, C)
-    if concrete(T) and jnp.linalg.matrix_rank(_rows_scaled(T)) < n:
+    if concrete(T) and np.linalg.matrix_rank(_rows_scaled(np.asarray(T))) < n:
         raise ValueError("the pair (A, C) is not observable")
     return alpha, T
 
@@ -99,12 +100,17 @@ def place(A, C, polynomial):
         raise ValueError(
             f"a polynomial of degree {T.shape[0]} has {T.shape[0] + 1} coefficients, not {polynomial.size}"
         )
+    return _placed(alpha, T, polynomial)
+
+
+@jax.jit
+def _placed(alpha, T, polynomial):
     return jnp.linalg.solve(T, polynomial[1:] - alpha)
 
 
-def _rows_scaled(matrix):
-    norms = jnp.linalg.norm(matrix, axis=1, keepdims=True)
-    return matrix / jnp.where(norms > 0, norms, 1.0)
+def _rows_scaled(matrix: np.ndarray) -> np.ndarray:
+    norms = np.linalg.norm(matrix, axis=1, keepdims=True)
+    return matrix / np.where(norms > 0, norms, 1.0)
 
 
 @jax.jit
@@ -140,12 +146,23 @@ def partner(A, C, plus, ratio: Any = 1.0) -> GainPair:
     plus = jnp.asarray(plus)
     if plus.shape != (n,):
         raise ValueError(f"the gain has {plus.size} entries, the system {n} states")
-    p = alpha + T @ plus
+    p = _injected(alpha, T, plus)
     if concrete(p) and not (abscissa := float(np.max(np.roots([1.0, *p]).real))) < 0:
         raise ValueError(f"A - K+ C is not Hurwitz: an eigenvalue has the real part {abscissa:g}")
     if concrete(ratio) and not np.all(np.asarray(ratio) > 0):
         raise ValueError(f"ratio = {ratio} must be positive")
-    odd = jnp.arange(1, n + 1) % 2 == 1
+    return _partner(p, T, plus, ratio)
+
+
+@jax.jit
+def _injected(alpha, T, plus):
+    """Coefficients of the characteristic polynomial of A - K C, (n,)."""
+    return alpha + T @ plus
+
+
+@jax.jit
+def _partner(p, T, plus, ratio) -> GainPair:
+    odd = jnp.arange(1, T.shape[0] + 1) % 2 == 1
     change = jnp.linalg.solve(T, jnp.where(odd, 2 * p, 0.0))
     return GainPair(plus, plus - 0.5 * (1 + ratio) * change, T.T @ _companion_lyapunov(p) @ T)
 

@@ -33,9 +33,9 @@ WET = SURFACES["wet_asphalt"]
 BRAKE = Brake(rate_limit=750.0, lag=5e-3)
 DRIVER = Driver(rate=600.0, delay=0.02)
 FRONT, REAR = FivePhase(), FivePhase(eps0=40.0, eps1=25.0, eps3=15.0, u1=5000.0)
-SPEED, END, HORIZON = 16.0, 8.0, 3.0
-STEPS, EVENTS = 6000, 200
-"""One number of grid points for every step: one program, which ends with its last lane."""
+SPEED, END, HORIZON = 16.0, 8.0, 12.0
+STEPS, EVENTS = 6000, 400
+"""One number of grid points for every step, as in the documentation: one program, which ends with its last lane."""
 
 
 def loop_of(front=FRONT, rear=REAR, road=WET, driver=DRIVER, **car) -> VehicleLoop:

@@ -1,6 +1,7 @@
 """Identification on logs from an independent simulator, whose true parameters lie beside them."""
 
 import dataclasses
+import itertools
 import json
 from pathlib import Path
 
@@ -162,6 +163,20 @@ def test_arrow_fit_against_a_dense_solution():
     solution = np.linalg.lstsq(dense, target.ravel(), rcond=None)[0]
     assert fit.converged
     np.testing.assert_allclose(np.concatenate([fit.shared, fit.own[:, 0]]), solution, rtol=1e-6, atol=1e-9)
+
+
+def test_arrow_fit_ends_where_rounding_alone_is_left():
+    """Every cost is a little higher than the one before: no step from the minimum is ever accepted."""
+    rng, costs = np.random.default_rng(3), itertools.count()
+    matrix, target = rng.normal(size=(4, 30, 2)), rng.normal(size=(4, 30))
+
+    def evaluate(shared, own):
+        return (matrix @ shared - target) * (1 + 1e-13 * next(costs)), matrix, np.zeros((4, 30, 0))
+
+    fit = arrow_fit(evaluate, np.ones(2), np.zeros((4, 0)), lower=np.full(2, -np.inf))
+    assert fit.converged and next(costs) < 8
+    solution = np.linalg.lstsq(matrix.reshape(-1, 2), target.ravel(), rcond=None)[0]
+    np.testing.assert_allclose(fit.shared, solution, rtol=1e-6, atol=1e-9)
 
 
 def test_arrow_fit_on_bounds_is_the_bounded_solution_within_few_steps():

@@ -1,6 +1,7 @@
 """What tuners do with a loop, of one wheel or of a vehicle: parameters put in, rows carried, a clock, the ideal."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any, TypeVar
@@ -94,7 +95,10 @@ def in_control_unit(
 
 
 def shortest(loop: ClosedLoop | VehicleLoop, speed: Any, horizon: float) -> Any:
-    """The shortest distances (rows,) that the pedal allows [m]."""
+    """The shortest distances (rows,) that the pedal allows [m]; infinite where a stop takes much longer than the
+    horizon [s]."""
+    # A power of two: stops on many roads, which end long before, are of one program.
+    horizon = 2.0 ** math.ceil(math.log2(horizon))
     if isinstance(loop, ClosedLoop):
         return ideal_distance(dataclasses.replace(loop, observer=None), speed, horizon=horizon)
     return vehicle_ideal_distance(loop, speed, horizon=horizon)

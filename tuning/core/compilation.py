@@ -29,15 +29,18 @@ def keep_compiled() -> Path:
     jax.config.update("jax_compilation_cache_dir", str(folder))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    # The folder of XLA's own stores, for graphics processors only, would be part of what each program is called.
+    jax.config.update("jax_persistent_cache_enable_xla_caches", "none")
     return folder
 
 
-def drop_if_many() -> None:
-    """Drop the compiled programs of this process if they take more than `MOST_MAPPINGS`; called where others follow.
+def drop_if_many(most: int | None = None) -> None:
+    """Drop the compiled programs of this process if they take more mappings than `most`, by default `MOST_MAPPINGS`;
+    called where others follow.
 
     What is used again is read from disk, or compiled again.
     """
-    if MAPPINGS.exists() and MAPPINGS.read_bytes().count(b"\n") > MOST_MAPPINGS:
+    if MAPPINGS.exists() and MAPPINGS.read_bytes().count(b"\n") > (MOST_MAPPINGS if most is None else most):
         jax.clear_caches()
 
 

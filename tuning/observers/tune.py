@@ -88,9 +88,8 @@ class ObserverProblem(Problem):
     def weighted(self, points, noise_weights, members=None):
         """The same with noise weights of their own, one or (sets,)."""
         weights = None if noise_weights is None else jnp.broadcast_to(jnp.asarray(noise_weights, float), len(points))
-        return _costs_and_gradients(
-            self.bench, points, weights, members, self.box, self.config.initial(), self.objective
-        )
+        bench = self.bench if members is None else self.bench.of(members)
+        return _costs_and_gradients(bench, points, weights, self.box, self.config.initial(), self.objective)
 
     def judged(self, points: np.ndarray) -> list[Judgement]:
         """What parameter sets are worth, points (sets, parameters)."""
@@ -105,10 +104,7 @@ class ObserverProblem(Problem):
 
 
 @partial(jax.jit, static_argnames=("box", "objective"))
-def _costs_and_gradients(bench: Bench, points, noise_weights, members, box: Box, fixed, objective: Objective):
-    if members is not None:
-        bench = bench.of(members)
-
+def _costs_and_gradients(bench: Bench, points, noise_weights, box: Box, fixed, objective: Objective):
     def one(point, weight):
         return jax.value_and_grad(lambda x: bench.judge({**fixed, **box.values(x)}).cost(objective, weight))(point)
 

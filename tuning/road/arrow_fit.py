@@ -17,6 +17,8 @@ NOTHING, UNKNOWN = 1e-200, 1e12
 """Information that is none, and the variance of a parameter that has none."""
 LARGEST_DAMPING = 1e-3
 """With which a small step is one at the minimum."""
+ROUNDING = 1e-11
+"""Share of a cost that is no change of it."""
 LARGEST_SLOPE = 1e50
 """A step after which derivatives are larger, or no numbers, is not made."""
 RIDGE = 1e-10
@@ -153,8 +155,10 @@ def joint_fit(parts: Sequence[Part], shared: np.ndarray, *, lower: np.ndarray, p
             converged = small and damping <= LARGEST_DAMPING
             damping = max(damping / 10, 1e-12)
         else:
+            # A whole step that makes a difference of rounding only: nothing is left to gain.
+            still = trial_cost - cost <= ROUNDING * cost and damping <= LARGEST_DAMPING
             damping *= 10
-            converged = damping > 1e12
+            converged = still or damping > 1e12
     covariance, plain = _covariance(parts, there, prior)
     return _split(parts, shared, owns, there, covariance, plain, cost, iterations, converged)
 

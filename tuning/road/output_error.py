@@ -196,8 +196,8 @@ class Shooting(NamedTuple):
             of_lanes = [car[name] for name in CAR[:5]] + [0.0, 0.0, car["slope"], 0.0]
             points = np.concatenate([coefficients, np.tile(of_lanes, (lanes, 1))], axis=1)
             given = (*(x[self.index] for x in (acting, by_lag, share, by_load_lag)), speed)
-            arguments = map(jnp.asarray, (points, own, *given))
-            values, slopes = map(np.asarray, _linearised(self.curve, self.imposed, substeps, *arguments, period))
+            found = _linearised(self.curve, self.imposed, substeps, points, own, *given, period)
+            values, slopes = map(np.asarray, found)
             measurements = np.stack([told[0][self.index], speed, acceleration[self.index]], axis=-1)
             bias = np.array([0.0, 0.0, car["acceleration_bias"]])
             with np.errstate(over="ignore", invalid="ignore"):

@@ -12,11 +12,11 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from absjax.controllers import CONTROLLERS
-from absjax.loop.ideal import ideal_distance
 from absjax.loop.stop import stop
 from tuning.controllers import published
 from tuning.controllers.batch import every_set_on_every_row
 from tuning.controllers.config import TuningConfig
+from tuning.controllers.loops import shortest
 from tuning.controllers.recipes import tuned_sets
 from tuning.controllers.rows import Row, rows_of
 from tuning.controllers.settings import LOCATED, SAMPLED, Setting
@@ -68,7 +68,7 @@ def stops_of(
     speed = np.array([row.speed for row in rows])
     loop = setup.loop(setup.controller(), road, pedal)
     horizon = HORIZON * max(row.longest_ideal for row in rows) + 1.0
-    ideal = np.asarray(ideal_distance(dataclasses.replace(loop, observer=None), speed, horizon=horizon))
+    ideal = np.asarray(shortest(loop, speed, horizon))
     names = tuple(next(iter(sets.values())))
     values = {name: np.array([chosen[name] for chosen in sets.values()]) for name in names}
     lanes = every_set_on_every_row(loop, values, len(rows))

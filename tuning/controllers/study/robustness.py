@@ -10,7 +10,6 @@ import jax
 import numpy as np
 
 from absjax.lanes import stacked, taken
-from absjax.loop.ideal import ideal_distance
 from absjax.loop.stop import Outcome, Stop, stop
 from absjax.plant.road import UniformRoad
 from absjax.plant.wheel import GRAVITY, Wheel
@@ -18,6 +17,7 @@ from absjax.sensors.noisy import NoisySensor
 from absjax.tyres.surfaces import SURFACES
 from tuning.controllers import published
 from tuning.controllers.config import TuningConfig
+from tuning.controllers.loops import shortest
 from tuning.controllers.setup import Setup
 
 HORIZON_FACTOR = 1.8
@@ -116,7 +116,7 @@ def stops(config: TuningConfig, controller: Any, draws: Draws) -> tuple[Stop, np
     ideal = draws.speed / (GRAVITY * np.asarray(draws.tyre.peak().friction))
     horizon = HORIZON_FACTOR * float(ideal.max()) + 1.0
     stopped = stop(sampled, draws.speed, horizon=horizon, step=step, max_events=config.max_events, tile=64)
-    return stopped, np.asarray(ideal_distance(dataclasses.replace(loop, observer=None), draws.speed, horizon=horizon))
+    return stopped, np.asarray(shortest(loop, draws.speed, horizon))
 
 
 def excess(stopped: Stop, ideal: np.ndarray) -> np.ndarray:
