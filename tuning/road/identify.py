@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, NamedTuple
 
 import jax
@@ -247,13 +248,20 @@ def _withheld(segment: Segment) -> Segment:
     )
 
 
-def _segment(kind, curve: Curve, found: FittedStretch, method: str) -> Segment:
+@partial(jax.jit, static_argnums=0)
+def _with_peak(curve: Curve, coefficients):
+    """Coefficients and peak of a curve, (coefficients + 2,), and their slopes by the coefficients."""
+
     def everything(c):
         peak = curve.tyre(c).peak()
         return jnp.stack([*c, peak.friction, peak.slip])
 
-    coefficients, covariance = jnp.asarray(found.coefficients), found.covariance
-    values, slopes = np.asarray(everything(coefficients)), np.asarray(jax.jacfwd(everything)(coefficients))
+    return everything(coefficients), jax.jacfwd(everything)(coefficients)
+
+
+def _segment(kind, curve: Curve, found: FittedStretch, method: str) -> Segment:
+    covariance = found.covariance
+    values, slopes = map(np.asarray, _with_peak(curve, np.asarray(found.coefficients)))
     widths = Z95 * np.sqrt(np.maximum(np.einsum("ip,pq,iq->i", slopes, covariance, slopes), 0))
     deviation = np.sqrt(np.diag(covariance))
     correlation = covariance / np.maximum(np.outer(deviation, deviation), 1e-300)
