@@ -2,7 +2,7 @@
 
     a = (1 + e) v' + bias + slope (t > 0) + sigma n,  n white and normal
 
-with the bias it has had since it was turned on, and what is added to it where a manoeuvre begins on a road that falls
+with the bias it has had since it was turned on, and what is added to it where a manoeuvre begins on a road that rises
 otherwise than before: g times the change of its slope; the plants do not know of it. e is an error of its scale, and
 what is left of the body's pitch: a body that dives by k v' turns the sensor into gravity, which adds g k to the scale.
 Rolling tells the bias, neither e nor slope.

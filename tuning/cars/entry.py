@@ -72,7 +72,7 @@ class VehicleEntry(Entries):
             None: any.
         accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
         accelerometer_gain: share by which it tells more: its scale, and what is left of the body's pitch.
-        accelerometer_slope: by which it tells more from where the manoeuvre begins, as on a road that begins to fall
+        accelerometer_slope: by which it tells more from where the manoeuvre begins, as on a road that begins to rise
             [m/s^2]; the car is not moved by it.
         rolling: how long the car rolls freely before it brakes, with its unit turned on, where that estimates the
             speed [s]; it finds the bias meanwhile. Two seconds are few; 0 is a unit that the pedal turns on.

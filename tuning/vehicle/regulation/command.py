@@ -50,7 +50,7 @@ def regulation_study(
     bias: Annotated[float, typer.Option(help="Of the accelerometer, where the speed is estimated, m/s^2.")] = 0.5,
     gain: Annotated[float, typer.Option(help="Share by which it tells more than there is: scale and pitch.")] = 0.02,
     slope: Annotated[
-        float, typer.Option(help="By which it tells more from the pedal on, as where a road begins to fall, m/s^2.")
+        float, typer.Option(help="By which it tells more from the pedal on, as where a road begins to rise, m/s^2.")
     ] = 0.0,
     rolling: Annotated[
         float, typer.Option(help="Free rolling before the pedal, by which the bias is found, s; 0: none.")
