@@ -173,6 +173,18 @@ def test_of_every_controller_the_sets_that_are_shipped():
     assert "predictive_tracking" not in study.chosen(None)
 
 
+def test_what_a_unit_is_told_needs_a_unit_that_estimates():
+    told = {"--bias": None, "--gain": 0.05, "--slope": None, "--rolling": 0.0}
+    assert study.estimation("kalman", False, told) == {"accelerometer_gain": 0.05, "rolling": 0.0}
+    assert study.estimation(None, True, dict.fromkeys(told)) == {}
+    with pytest.raises(ConfigError, match="--gain, --rolling: of a unit that estimates the speed; needs --speed"):
+        study.estimation(None, False, told)
+    with pytest.raises(ConfigError, match=r"--speed: .* with --located there is none"):
+        study.estimation("kalman", True, dict.fromkeys(told))
+    with pytest.raises(ConfigError, match=r"rolling = 1000000000\.0"):
+        VehicleEntry(rolling=1e9)
+
+
 def test_too_good_a_utilisation_doubts_the_adhesion():
     rows = judged(False, lambda stop: {"utilised": 0.9} if stop.surface == "high" else {})
     assert "above 1.1" in rows["high", screening.UTILISED].note

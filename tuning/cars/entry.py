@@ -93,7 +93,7 @@ class VehicleEntry(Entries):
     accelerometer_noise: NonNegative = 0.1
     accelerometer_gain: Annotated[Real, Field(gt=-1.0)] = 0.02
     accelerometer_slope: Real = 0.0
-    rolling: NonNegative = 2.0
+    rolling: Annotated[NonNegative, Field(le=60.0)] = 2.0
 
     def __post_init__(self):
         choice("vehicle.model", self.model, MODELS)

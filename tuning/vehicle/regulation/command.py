@@ -47,14 +47,18 @@ def regulation_study(
     speed: Annotated[
         str | None, typer.Option(help="What estimates the car's speed, as kalman; the true one if missing.")
     ] = None,
-    bias: Annotated[float, typer.Option(help="Of the accelerometer, where the speed is estimated, m/s^2.")] = 0.5,
-    gain: Annotated[float, typer.Option(help="Share by which it tells more than there is: scale and pitch.")] = 0.02,
+    bias: Annotated[
+        float | None, typer.Option(help="Of the accelerometer, where the speed is estimated, m/s^2; 0.5.")
+    ] = None,
+    gain: Annotated[
+        float | None, typer.Option(help="Its error of scale: by which share decelerations are told too large; 0.02.")
+    ] = None,
     slope: Annotated[
-        float, typer.Option(help="By which it tells more from the pedal on, as where a road begins to rise, m/s^2.")
-    ] = 0.0,
+        float | None, typer.Option(help="Added to what it tells from the pedal on, m/s^2: positive uphill; 0.")
+    ] = None,
     rolling: Annotated[
-        float, typer.Option(help="Free rolling before the pedal, by which the bias is found, s; 0: none.")
-    ] = 2.0,
+        float | None, typer.Option(help="Free rolling before the pedal, by which the bias is found, s; 2. 0: none.")
+    ] = None,
     located: Annotated[bool, typer.Option("--located", help="Switchings located instead of sampled.")] = False,
     force: Force = False,
 ) -> None:
@@ -65,8 +69,8 @@ def regulation_study(
         from tuning.controllers.config import TuningConfig
         from tuning.vehicle.regulation import study, tasks
 
-        errors = {"accelerometer_bias": bias, "accelerometer_gain": gain, "accelerometer_slope": slope}
-        entries = {"wiring": wiring, "speed": speed, "rolling": rolling, **errors}
+        told = {"--bias": bias, "--gain": gain, "--slope": slope, "--rolling": rolling}
+        entries = {"wiring": wiring, "speed": speed, **study.estimation(speed, located, told)}
         VehicleEntry(model="four_wheel", **entries)
         names = study.chosen(None if controllers is None else controllers.split(","))
         chosen = tasks.cars_of(TuningConfig(), None if cars is None else cars.split(","))

@@ -2,7 +2,7 @@
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ from tuning.cars.car import CarFigures
 from tuning.cars.entry import VehicleEntry
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import car_sets, tuned_sets
-from tuning.core.config import choice
+from tuning.core.config import ConfigError, choice
 from tuning.core.files import write_csv
 from tuning.core.report import Report
 from tuning.vehicle.regulation.screening import SPLIT, UTILISED, Row
@@ -30,6 +30,29 @@ def chosen(names: Sequence[str] | None) -> tuple[str, ...]:
     for name in names or ():
         choice("--controllers", name, NAMES)
     return tuple(names or NAMES)
+
+
+ESTIMATION = {
+    "--bias": "accelerometer_bias",
+    "--gain": "accelerometer_gain",
+    "--slope": "accelerometer_slope",
+    "--rolling": "rolling",
+}
+"""Options on a unit that estimates the speed: the entries of `tuning.cars.entry.VehicleEntry` they are."""
+
+
+def estimation(speed: str | None, located: bool, told: Mapping[str, float | None]) -> dict[str, float]:
+    """The entries of the options that are given.
+
+    Raises:
+        ConfigError: if one is, or the speed is to be estimated, where no unit estimates it.
+    """
+    given = {option: value for option, value in told.items() if value is not None}
+    if speed is None and given:
+        raise ConfigError(f"{', '.join(given)}: of a unit that estimates the speed; needs --speed")
+    if speed is not None and located:
+        raise ConfigError("--speed: estimated at the ticks of a unit; with --located there is none")
+    return {ESTIMATION[option]: value for option, value in given.items()}
 
 
 def sets_of(controller: str, **entries: Any) -> dict[str, TuningConfig]:
