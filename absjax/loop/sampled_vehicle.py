@@ -106,9 +106,9 @@ class SampledVehicle:
             measured, sensors = zip(*(s.begin(signals) for s, signals in zip(self.sensors, measured)))
         estimator = None
         if self.speed is not None:
-            wheels = len(self.loop.vehicle.places)
-            rolled = speed, wheels, self.period or 0.0, self.rolling
-            estimator = after_rolling(self.speed, self.accelerometer, *rolled)
+            estimator = after_rolling(
+                self.speed, self.accelerometer, speed, len(self.loop.vehicle.places), self.period or 0.0, self.rolling
+            )
         accelerations = self._told_accelerations(zero, state)
         measured, accelerations = self._with_speed(measured, accelerations, estimator)
         told = self.loop.told(measured, state, parts)

@@ -57,7 +57,8 @@ class KalmanState(NamedTuple):
 class KalmanSpeed:
     """The filter, on the first `wheels` rims; 1: on the front axle alone, as in the source.
 
-    The default values are round ones near those that `python -m tuning speed-study` finds for two axles.
+    The default values are round ones, for a loop in which wheels go by the estimate. Those that `python -m tuning
+    speed-study` finds for given stops come as near on stops held out, and have other gates.
 
     Raises:
         ValueError: at construction, unless there is a wheel.

@@ -211,7 +211,7 @@ def test_without_rolling_before_an_estimator_begins_as_it_does():
 
 
 def test_an_estimate_too_high_to_believe_its_wheels_finds_them_where_the_car_does_not_brake():
-    """All wheels roll, a third below it; where the car brakes for the slip they seem to have, it is not found."""
+    """All wheels roll, a quarter below it; where the car brakes for the slip they seem to have, it is not found."""
     samples = SpeedSamples(np.full(200, 0.1), np.full((200, 2), 15.0))
     found, lost, braking = (
         speeds(KalmanSpeed(unbraked=u, bias_deviation=0.02), samples._replace(acceleration=a), speed=20.0)

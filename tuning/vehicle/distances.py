@@ -3,8 +3,7 @@
 All cars brake under the same driver, 400 bar/s up to 150 bar, through actuators with a rate limit of 750 bar/s and a
 lag of 5 ms; the ideal is that of the car under the pedal (`absjax.loop.vehicle_ideal`). The settings: switchings
 located, told the truth; sampled every millisecond, told the truth; sampled, told a speed that a Kalman filter estimates
-from all
-wheels and an accelerometer with a bias.
+from all wheels and an accelerometer with errors, after two seconds of rolling (`tuning.cars.entry.VehicleEntry`).
 """
 
 import dataclasses
