@@ -102,11 +102,12 @@ def test_of_a_vehicle_every_wheel_is_another_and_the_fitted_slope_descends():
         assert front.shape == (16,) and np.ptp(front) > 0 and np.ptp(front / rear) > 0
     assert np.ptp(loop.vehicle.mass) > 0 and np.ptp(loop.vehicle.height) > 0
     assert loop.channels[0].controller.wheel.radius == 0.285
-    bias = np.asarray(batch.accelerometer.bias)
+    bias = np.asarray(batch.speedometer.accelerometer.bias)
     assert abs(bias.mean()) < 0.4 and 0.2 < bias.std() < 0.9
     assert len(set(np.concatenate([np.asarray(sensor.seed) for sensor in batch.sensor]))) == 32
     few = batch.of(np.array([3, 5]))
-    assert few.accelerometer.bias[0] == bias[3] and few.loop.channels[1].brake.lag[1] == loop.channels[1].brake.lag[5]
+    assert few.speedometer.accelerometer.bias[0] == bias[3]
+    assert few.loop.channels[1].brake.lag[1] == loop.channels[1].brake.lag[5]
     start = problem.given
     _, slope = problem.costs_and_gradients(start, None)
     before, after = problem.judge(np.concatenate([start, start - 0.1 * np.sign(slope)]))

@@ -59,15 +59,15 @@ def test_a_vehicle_makes_the_loop_of_a_batch_with_sets_of_its_axles():
     box = setup.box()
     assert {"front.u1", "rear.u1"} <= set(box.names) and ("front.eps4", "front.eps5") in {o[:2] for o in box.ordered}
     batch = batch_of(setup)
-    assert isinstance(batch.loop, VehicleLoop) and isinstance(batch.estimator, KalmanSpeed)
+    assert isinstance(batch.loop, VehicleLoop) and isinstance(batch.speedometer.estimator, KalmanSpeed)
     own = {"front.eps1": np.array([21.0, 22.0, 23.0, 24.0]), "rear.eps1": np.array([31.0, 32.0, 33.0, 34.0])}
     lanes = loop_of_lanes(batch.loop, own, batch.rows)
     front, rear = (channel.controller for channel in lanes.channels)
     np.testing.assert_array_equal(front.eps1, own["front.eps1"])
     np.testing.assert_array_equal(rear.eps1, own["rear.eps1"])
     assert lanes.vehicle.roads[0].tyre.c1.shape == (4,)
-    unit = in_control_unit(lanes, 1, 1, 1e-3, None, batch.estimator, batch.accelerometer, batch.rolling)
-    assert unit.speed is batch.estimator and unit.accelerometer.bias == 0.5
+    unit = in_control_unit(lanes, 1, 1, 1e-3, None, batch.speedometer)
+    assert unit.speed is batch.speedometer.estimator and unit.accelerometer.bias == 0.5
     first = dataclasses.replace(unit, loop=taken(unit.loop, 0))
     begun, at_once = (
         one.initial_state(np.float64(20.0)).unit.speed for one in (first, dataclasses.replace(first, rolling=0))

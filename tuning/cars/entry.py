@@ -17,6 +17,7 @@ from absjax.speed import SPEED_ESTIMATORS
 from absjax.speed.accelerometer import Accelerometer
 from absjax.speed.base import SpeedEstimator
 from tuning.cars.car import MODELS, CarFigures, car_entry, name_of_car
+from tuning.cars.speedometer import Speedometer
 from tuning.core.components import built, component
 from tuning.core.config import (
     ConfigError,
@@ -110,7 +111,7 @@ class VehicleEntry(Entries):
         require("vehicle.laden", self.loads, len(self.loads) > 0, "true, false or both")
         if self.regulation and len(self.cars) > 1:
             raise ConfigError("vehicle.regulation screens one car: it needs one in vehicle.car")
-        self.estimator()
+        self.speedometer()
 
     @property
     def wheels(self) -> int:
@@ -151,17 +152,14 @@ class VehicleEntry(Entries):
         """The model on roads under its axles or wheels; of several that of the first."""
         return self.cars[0].vehicle(self.model, roads, laden=self.loads[0])
 
-    def estimator(self) -> SpeedEstimator | None:
-        """That of the vehicle's speed."""
+    def speedometer(self) -> Speedometer | None:
+        """What the control unit estimates the speed by, where it does."""
         if self.speed is None:
             return None
         kind = component("vehicle.speed", self.speed, SPEED_ESTIMATORS, SpeedEstimator)
-        return built("vehicle.speed_parameters", kind, self.speed_parameters)
-
-    def accelerometer(self) -> Accelerometer | None:
-        """Of the control unit, where it estimates the speed."""
+        estimator = built("vehicle.speed_parameters", kind, self.speed_parameters)
         errors, slope = (self.accelerometer_bias, self.accelerometer_noise), self.accelerometer_slope
-        return None if self.speed is None else Accelerometer(*errors, gain=self.accelerometer_gain, slope=slope)
+        return Speedometer(estimator, Accelerometer(*errors, gain=self.accelerometer_gain, slope=slope), self.rolling)
 
     def loop(
         self,

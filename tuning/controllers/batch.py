@@ -17,8 +17,7 @@ from absjax.loop.step_check import for_half_step
 from absjax.loop.stop import Outcome, Stop, stop
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.parameters import model, parameter, part
-from absjax.speed.accelerometer import Accelerometer
-from absjax.speed.base import SpeedEstimator
+from tuning.cars.speedometer import Speedometer
 from tuning.controllers.chain import of_chain, told_through
 from tuning.controllers.loops import Loop, Sensors, carried, in_control_unit, loop_of_lanes, shortest
 from tuning.controllers.rows import rows_of
@@ -66,10 +65,7 @@ class Batch:
     ideal: Any = parameter("ideal distances from the pedal, m, shape (rows,)", ndim=1)
     published: Any = parameter("published distances, m, shape (rows,); 0 where the ideal is the reference", ndim=1)
     sensor: Sensors = part("what a sampled control unit measures with, one for all wheels or each", default=None)
-    estimator: SpeedEstimator | None = part(
-        "of the vehicle's speed in a sampled unit; None: the true one", default=None
-    )
-    accelerometer: Accelerometer | None = part("of that unit; None measures without error", default=None)
+    speedometer: Speedometer | None = part("of a vehicle's sampled unit; None tells it the true speed", default=None)
     longest_cycle: Any = parameter("longest cycle allowed, s", default=1.0)
     longest_lock: Any = parameter("longest lock above 15 km/h allowed, s", default=0.05)
     slide_time: Any = parameter("longest time in all with a slip below -0.8 above 15 km/h allowed, s", default=0.5)
@@ -78,8 +74,6 @@ class Batch:
     substeps: int = 1
     max_events: int = 800
     reference: str = "ideal"
-    rolling: float = 0.0
-    """of a vehicle before, which its estimator is told of, s"""
     delay: float | None = None
     """between a controller that predicts and the brake, s"""
 
@@ -91,7 +85,7 @@ class Batch:
     def of(self, members: Any) -> "Batch":
         """Some of the rows, (members,); traceable."""
         rows = {name: jnp.take(getattr(self, name), members) for name in ("speed", "ideal", "published")}
-        parts = {name: taken(getattr(self, name), members) for name in ("sensor", "accelerometer")}
+        parts = {name: taken(getattr(self, name), members) for name in ("sensor", "speedometer")}
         return dataclasses.replace(self, loop=carried(self.loop, partial(taken, index=members)), **parts, **rows)
 
     def stops(self, parameters: Mapping[str, Any], step: float | None = None, ticks: int = 0) -> Stop:
@@ -107,10 +101,9 @@ class Batch:
         """The same of parameters (rows * sets,), each lane's own; `kind` of the loop with ticks."""
         loop = loop_of_lanes(self.loop, own, self.rows)
         sets = len(next(iter(own.values()))) // self.rows
-        sensor, accelerometer = (repeated(part, sets) for part in (self.sensor, self.accelerometer))
-        sensor = told_through(sensor, of_chain(own))
-        how = ticks, self.substeps, ticks * (step or self.step), sensor, self.estimator, accelerometer
-        system = in_control_unit(loop, *how, self.rolling, self.delay, kind=kind) if ticks else loop
+        sensor, speedometer = (repeated(part, sets) for part in (self.sensor, self.speedometer))
+        how = ticks, self.substeps, ticks * (step or self.step), told_through(sensor, of_chain(own)), speedometer
+        system = in_control_unit(loop, *how, self.delay, kind=kind) if ticks else loop
         return stop(system, **self._how(own, step))
 
     def at_half_step(self, parameters: Mapping[str, Any]) -> tuple[Stop, Any]:
@@ -236,9 +229,7 @@ def batch_of(setup: Setup) -> Batch:
         ideal=np.asarray(shortest(loop, speed, horizon)),
         published=reached,
         sensor=setup.sensor,
-        estimator=None if config.vehicle is None else config.vehicle.estimator(),
-        accelerometer=None if config.vehicle is None else config.vehicle.accelerometer(),
-        rolling=0.0 if config.vehicle is None else config.vehicle.rolling,
+        speedometer=None if config.vehicle is None else config.vehicle.speedometer(),
         longest_cycle=config.longest_cycle,
         longest_lock=config.longest_lock,
         slide_time=config.slide_time,

@@ -15,9 +15,8 @@ from absjax.loop.sampled_vehicle import SampledVehicle
 from absjax.loop.vehicle_ideal import vehicle_ideal_distance
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.sensors.base import Sensor
-from absjax.speed.accelerometer import Accelerometer
-from absjax.speed.base import SpeedEstimator
 from tuning.cars.entry import of_axle
+from tuning.cars.speedometer import Speedometer
 from tuning.controllers.chain import of_controller
 
 Sensors = Sensor | tuple[Sensor, ...] | None
@@ -63,9 +62,7 @@ def in_control_unit(
     substeps: int,
     period: float,
     sensor: Sensors = None,
-    estimator: SpeedEstimator | None = None,
-    accelerometer: Accelerometer | None = None,
-    rolling: float = 0.0,
+    speedometer: Speedometer | None = None,
     delay: float | None = None,
     kind: type[SampledLoop] = SampledLoop,
 ) -> SampledLoop | SampledVehicle:
@@ -75,9 +72,7 @@ def in_control_unit(
         sensor: what is measured with; of a vehicle one for all wheels, or one for each.
         substeps: Runge-Kutta steps of an observer per sample.
         period: between two tests [s].
-        estimator: of the speed of a vehicle.
-        accelerometer: of the unit, where it estimates the speed.
-        rolling: of the vehicle before, for the estimator [s].
+        speedometer: what the unit estimates the speed of a vehicle by; None tells it the true one.
         delay: between a controller that predicts and the brake [s].
         kind: of the loop of one wheel without such a delay.
     """
@@ -89,9 +84,11 @@ def in_control_unit(
     sensors = () if sensor is None else sensor
     if not isinstance(sensors, tuple):
         sensors = (sensors,) * len(loop.vehicle.places)
-    return SampledVehicle(
-        loop, sensors, estimator, accelerometer, ticks, substeps, rolling=round(rolling / period), period=period
-    )
+    how = {"tick_every": ticks, "substeps": substeps, "period": period}
+    if speedometer is None:
+        return SampledVehicle(loop, sensors, **how)
+    rolling = round(speedometer.rolling / period)
+    return SampledVehicle(loop, sensors, speedometer.estimator, speedometer.accelerometer, rolling=rolling, **how)
 
 
 def shortest(loop: ClosedLoop | VehicleLoop, speed: Any, horizon: float) -> Any:

@@ -25,10 +25,9 @@ from absjax.sensors.base import Sensor
 from absjax.sensors.delayed import DelayedSensor
 from absjax.sensors.encoder import EncoderSensor
 from absjax.sensors.noisy import NoisySensor
-from absjax.speed.accelerometer import Accelerometer
 from tuning.controllers.batch import SAFETY_HORIZON, Batch
 from tuning.controllers.chain import EVENTS, TEETH
-from tuning.controllers.config import Scatter, TuningConfig
+from tuning.controllers.config import Scatter
 from tuning.controllers.loops import Sensors, shortest
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
@@ -88,15 +87,14 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
         plant: Any = loop.plant
         sensor = sensor.rolled(speed / plant.wheel.radius)
         sensor = sensor.settled() if config.chain == "settled" else sensor
+    speedometer = None if config.vehicle is None else config.vehicle.speedometer()
     return Batch(
         loop=loop,
         speed=speed,
         ideal=np.asarray(shortest(loop, speed, horizon)),
         published=np.zeros(count),
         sensor=sensor,
-        estimator=None if config.vehicle is None else config.vehicle.estimator(),
-        accelerometer=_accelerometer(config, seeds, rng),
-        rolling=0.0 if config.vehicle is None else config.vehicle.rolling,
+        speedometer=None if speedometer is None else speedometer.scattered(rng, seeds),
         longest_cycle=config.longest_cycle,
         longest_lock=config.longest_lock,
         slide_time=config.slide_time,
@@ -131,15 +129,6 @@ def _with_brake(loop: Any, brake: Brake) -> Any:
     if isinstance(loop, ClosedLoop):
         return dataclasses.replace(loop, brake=brake)
     return dataclasses.replace(loop, channels=tuple(dataclasses.replace(c, brake=brake) for c in loop.channels))
-
-
-def _accelerometer(config: TuningConfig, seeds, rng: np.random.Generator) -> Accelerometer | None:
-    """That of a vehicle that estimates its speed: of other errors in every lane."""
-    own = None if config.vehicle is None else config.vehicle.accelerometer()
-    if own is None:
-        return None
-    errors = {name: getattr(own, name) * rng.normal(size=len(seeds)) for name in ("bias", "gain", "slope")}
-    return dataclasses.replace(own, **errors, seed=seeds)
 
 
 def _radius(loop: Any) -> Any:

@@ -192,9 +192,9 @@ class Setup:
         """A loop under the clock of a control unit, with the configured sensor unless one is given; its grid step."""
         step, ticks = self.sampled_grid(period)
         vehicle = self.config.vehicle
-        told = (None, None, 0.0) if vehicle is None else (vehicle.estimator(), vehicle.accelerometer(), vehicle.rolling)
-        how = ticks, self.substeps(period), step * ticks, sensor or self.sensor
-        return in_control_unit(loop, *how, *told, self.config.delay), step
+        speedometer = None if vehicle is None else vehicle.speedometer()
+        how = ticks, self.substeps(period), step * ticks, sensor or self.sensor, speedometer
+        return in_control_unit(loop, *how, self.config.delay), step
 
     def box(self) -> Box:
         """The tuned parameters, their limits and their order.
