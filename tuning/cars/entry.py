@@ -68,7 +68,8 @@ class VehicleEntry(Entries):
         speed: name of the estimator that the sampled control unit has for the vehicle's speed, in
             `absjax.speed.SPEED_ESTIMATORS`, or `package.module:Class`; None tells it the true one.
         speed_parameters: its fields.
-        regulation: whether a set has to pass the screening after UN Regulation 13-H (`tuning.controllers.regulation`).
+        regulation: whether a set has to pass the screening after UN Regulation 13-H, on each of the cars
+            (`tuning.controllers.regulation`).
         largest_yaw_rate, largest_side_slip: what it allows on the split road besides, a driver steering [deg/s, deg];
             None: any.
         accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
@@ -109,8 +110,6 @@ class VehicleEntry(Entries):
         for entry, several in (("car", self.cars), ("laden", self.loads)):
             require(f"vehicle.{entry}", len(several), all(several.count(one) == 1 for one in several), "each once")
         require("vehicle.laden", self.loads, len(self.loads) > 0, "true, false or both")
-        if self.regulation and len(self.cars) > 1:
-            raise ConfigError("vehicle.regulation screens one car: it needs one in vehicle.car")
         self.speedometer()
 
     @property

@@ -6,20 +6,32 @@ Adhesion does not depend on the set: it is measured once.
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from absjax.lanes import repeated
+from absjax.loop.stop import Stop
 from absjax.loop.vehicle_loop import VehicleLoop
-from tuning.cars.car import CarFigures
+from tuning.cars.car import CarFigures, name_of_car
 from tuning.cars.entry import VehicleEntry
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import with_parameters
 from tuning.controllers.setup import Setup
-from tuning.vehicle.regulation.lanes import Clocked, lanes_of, loops_of, run
-from tuning.vehicle.regulation.screening import LOADS, Quantity, Turning, adhesions_of, all_quantities, row_of
+from tuning.core.problem import in_chunks
+from tuning.vehicle.regulation.lanes import Clocked, Lane, lanes_of, loops_of, run
+from tuning.vehicle.regulation.screening import (
+    LOADS,
+    Adhesions,
+    Quantity,
+    Turning,
+    adhesions_of,
+    all_quantities,
+    row_of,
+)
 
 USUAL: dict[str, Any] = {"model": "four_wheel", "wiring": "select_low_rear"}
 FINALISTS = 8
@@ -27,14 +39,15 @@ FINALISTS = 8
 
 
 def on_car(config: TuningConfig, figures: CarFigures, *, laden: bool) -> Setup:
-    """The setup of a set on a car of four wheels, all else as the configuration has it; without a vehicle there, it is
-    wired as cars are, with select-low behind.
+    """The setup of a set on a car of four wheels, all else as the configuration has it; if it has not four wheels, they
+    are wired as usual, with select-low behind.
 
     Raises:
         ConfigError: if it cannot be: names what.
     """
-    entry = VehicleEntry(**USUAL) if config.vehicle is None else config.vehicle
-    vehicle = dataclasses.replace(entry, car=figures, model="four_wheel", laden=laden)
+    entry = config.vehicle or VehicleEntry()
+    wired = {} if entry.model == "four_wheel" else USUAL
+    vehicle = dataclasses.replace(entry, car=figures, laden=laden, **wired)
     one_wheel = {"plant": "quarter_car", "plant_parameters": {}, "wheel": {}}
     free = {"largest_contraction": None, "reference": "ideal"}
     return Setup.of(dataclasses.replace(config, vehicle=vehicle, **one_wheel, **free))
@@ -61,33 +74,25 @@ def regulation_of(config: TuningConfig) -> "Regulation | None":
 
 
 class Regulation:
-    """The rows of a configuration's vehicle as functions of a parameter set."""
+    """The rows of a configuration's vehicles, each unladen and laden, as functions of parameter sets."""
 
     def __init__(self, config: TuningConfig, *, located: bool = False):
-        (figures,) = config.vehicle.cars
-        setups = {laden: on_car(config, figures, laden=laden) for laden in LOADS}
-        loops: dict[bool, Any] = {laden: setup.loop_of() for laden, setup in setups.items()}
-        self._lanes, self._known = lanes_of(setups[False].driver), adhesions_of(figures)
-        self._turning = turning_of(config)
-        self._loops, self._clocked = loops_of(loops, self._lanes), clocked(setups[False], located)
-        self._margins = jax.jit(self.margins)
+        self._cars = [(name_of_car(figures), _Car.of(config, figures)) for figures in config.vehicle.cars]
+        setup = on_car(config, config.vehicle.cars[0], laden=False)
+        how = tuple(lanes_of(setup.driver)), clocked(setup, located), turning_of(config)
+        self._quantities = partial(_quantities, how=how)
+        self._margins = jax.jit(partial(_margins, how=how))
 
-    def quantities(self, values: Mapping[str, Any]) -> list[tuple[bool, Quantity]]:
-        """Of the parameters by name, scalars: (laden, quantity)."""
-        own = {name: jnp.broadcast_to(value, len(self._lanes)) for name, value in values.items()}
-        loops = with_parameters(self._loops, own)
-        return all_quantities(loops, self._lanes, run(loops, self._lanes, self._clocked), self._known, self._turning)
-
-    def margins(self, values: Mapping[str, Any]):
-        """How far each row is on the right side, as a share of what it demands, (rows,); differentiable."""
-        rows = [quantity for _, quantity in self.quantities(values) if quantity.demanded is not None]
-        return jnp.stack([quantity.margin for quantity in rows])
+    def margins(self, parameters: Mapping[str, Any]):
+        """How far each row is beyond what a set has to keep, as a share of what it demands, (rows, sets), of parameters
+        (sets,): epsilon and z by 5 % more, all else as it is demanded. Differentiable."""
+        return jnp.concatenate([self._margins(car, parameters) for _, car in self._cars])
 
     def breaches(self, parameters: Mapping[str, Any]) -> np.ndarray:
         """By how much sets (sets,) are on the wrong side, over all rows, each at most by what it demands; 0: none."""
-        sets = np.stack(list(parameters.values()), axis=1)
-        margins = np.array([self._margins(dict(zip(parameters, map(float, one)))) for one in sets])
-        return np.clip(-margins, 0.0, 1.0).sum(axis=1)
+        sets = np.stack([np.asarray(values, float) for values in parameters.values()], axis=1)
+        margins = in_chunks(lambda chunk: self.margins(dict(zip(parameters, chunk.T))), sets, FINALISTS, axis=1)
+        return np.clip(-margins, 0.0, 1.0).sum(axis=0)
 
     def judged(self, costs: np.ndarray, parameters: Mapping[str, Any], charge: float) -> np.ndarray:
         """Costs (sets,) of which the best few are charged for what they breach, and the others are out."""
@@ -99,10 +104,60 @@ class Regulation:
 
     def warnings(self, values: Mapping[str, Any]) -> list[str]:
         """A sentence for every row that is breached."""
-        rows = [row_of("", laden, quantity) for laden, quantity in self.quantities(values)]
+        rows = [
+            row_of(name, laden, quantity)
+            for name, car in self._cars
+            for laden, quantity in self._quantities(car, values)
+        ]
         return [
-            f"regulation: {row.quantity} ({row.surface}, {row.load}) is breached: demanded {row.demanded:.3g}, reached "
-            f"{'never' if row.reached is None else format(row.reached, '.3g')}"
+            f"regulation: {row.quantity} ({row.surface}, {row.car} {row.load}) is breached: demanded "
+            f"{row.demanded:.3g}, reached {'never' if row.reached is None else format(row.reached, '.3g')}"
             for row in rows
             if row.passed is False
         ]
+
+
+class _Car(NamedTuple):
+    """What is screened of a car."""
+
+    loops: VehicleLoop
+    """of its stops"""
+    known: Adhesions
+
+    @classmethod
+    def of(cls, config: TuningConfig, figures: CarFigures) -> "_Car":
+        setups = {laden: on_car(config, figures, laden=laden) for laden in LOADS}
+        loops: dict[bool, Any] = {laden: setup.loop_of() for laden, setup in setups.items()}
+        return cls(loops_of(loops, lanes_of(setups[False].driver)), adhesions_of(figures))
+
+
+_How = tuple[tuple[Lane, ...], Clocked, Turning]
+
+
+def _quantities(car: _Car, values: Mapping[str, Any], how: _How) -> list[tuple[bool, Quantity]]:
+    """Of the parameters by name, scalars: (laden, quantity)."""
+    lanes, in_clock, turning = how
+    loops = _of_set(car, values)
+    return all_quantities(loops, lanes, run(loops, lanes, in_clock), car.known, turning)
+
+
+def _margins(car: _Car, parameters: Mapping[str, Any], how: _How):
+    """(rows, sets) of a car, of parameters (sets,)."""
+    lanes, in_clock, turning = how
+    sets = len(next(iter(parameters.values())))
+    together = with_parameters(repeated(car.loops, sets), {n: jnp.tile(v, len(lanes)) for n, v in parameters.items()})
+    stops = run(together, lanes, in_clock, sets=sets)
+
+    def of_set(values, stops: Stop):
+        rows = [quantity for _, quantity in all_quantities(_of_set(car, values), lanes, stops, car.known, turning)]
+        return jnp.stack([row.margin - row.firmly for row in rows if row.demanded is not None])
+
+    by_set = jax.tree.map(lambda leaf: leaf.reshape(len(lanes), sets, *leaf.shape[1:]), stops)
+    return jax.vmap(of_set, in_axes=(0, 1), out_axes=1)(dict(parameters), by_set)
+
+
+def _of_set(car: _Car, values: Mapping[str, Any]) -> VehicleLoop:
+    """The loops of a car with the parameters of a set, scalars."""
+    return with_parameters(
+        car.loops, {name: jnp.broadcast_to(x, len(car.loops.driver.delay)) for name, x in values.items()}
+    )

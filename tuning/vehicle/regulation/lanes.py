@@ -26,6 +26,8 @@ DRIVER = YawDriver(yaw_gain=0.5, heading_gain=1.0, lag=0.1, largest=0.26)
 """A practised one, who keeps a car that pulls to a side straight; the steering wheel is turned by 240 deg at most."""
 TILE = 14
 """Lanes that run together."""
+SETS_TILE = 56
+"""The same where there are several sets."""
 
 Clocked = Callable[[VehicleLoop], tuple[Any, float]]
 """Makes the system that is rolled out of a loop, under a control unit's clock say, and its grid step [s]."""
@@ -55,15 +57,17 @@ def on_roads(loop: VehicleLoop, under: Sequence[Road]) -> VehicleLoop:
     return dataclasses.replace(loop, vehicle=vehicle, stop_speed=END * KMH)
 
 
-def run(loops: VehicleLoop, lanes: Sequence[Lane], clocked: Clocked, horizon: float = HORIZON) -> Stop:
-    """The stops of lanes, points of their course kept."""
+def run(
+    loops: VehicleLoop, lanes: Sequence[Lane], clocked: Clocked, horizon: float = HORIZON, *, sets: int = 1
+) -> Stop:
+    """The stops of lanes, points of their course kept; of each lane `sets` in a row, as the loops have them."""
     system, step = clocked(loops)
     return stop(
         system,
-        KMH * jnp.array([lane.stop.speed for lane in lanes]),
+        jnp.repeat(KMH * jnp.array([lane.stop.speed for lane in lanes]), sets),
         horizon=horizon,
         step=step,
         max_events=MAX_EVENTS,
         save_every=max(1, round(SAVED / step)),
-        tile=TILE,
+        tile=TILE if sets == 1 else SETS_TILE,
     )

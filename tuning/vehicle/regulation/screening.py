@@ -66,6 +66,11 @@ class Quantity(NamedTuple):
         more = (self.reached - self.demanded) / self.demanded
         return more if self.at_least else -more
 
+    @property
+    def firmly(self) -> float:
+        """The margin that the second verdict asks for."""
+        return MARGIN if self.with_margin else 0.0
+
 
 @dataclasses.dataclass(frozen=True)
 class Row:
@@ -217,7 +222,7 @@ def row_of(car: str, laden: bool, quantity: Quantity) -> Row:
     if quantity.demanded is not None:
         margin = float(quantity.margin)
         passed = margin >= 0
-        firmly = margin >= (MARGIN if quantity.with_margin else 0.0)
+        firmly = margin >= quantity.firmly
     notes = [quantity.note.format(*map(float, quantity.told))] if quantity.note else []
     if quantity.name == UTILISED and float(quantity.reached) > LARGEST_UTILISATION:
         notes.append("above 1.1: k is to be measured anew")
