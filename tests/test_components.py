@@ -73,7 +73,7 @@ def of_an_observer(design):
 
 
 def of_a_speed_estimator(estimator):
-    state = estimator.initial_state(jnp.asarray(18.0))
+    state = estimator.initial_state(jnp.asarray(18.0), 2)
     for rims in ((17.9, 17.5), (17.6, 15.0)):
         state = estimator.update(state, -6.0, rims, 0.01)
     found = *jax.tree.leaves(state), estimator.speed_of(state), estimator.acceleration_of(state, -6.0)

@@ -21,8 +21,12 @@ class SpeedEstimator(Protocol):
     title: ClassVar[str]
     """for tables and figures"""
 
-    def initial_state(self, speed: Any) -> Any:
-        """State when the manoeuvre begins, the wheels rolling freely at `speed` [m/s]."""
+    def initial_state(self, speed: Any, wheels: int) -> Any:
+        """State when the manoeuvre begins, so many wheels rolling freely at `speed` [m/s].
+
+        Raises:
+            ValueError: if it needs more wheels.
+        """
         ...
 
     def update(self, state: Any, acceleration: Any, rims: tuple[Any, ...], period: Any) -> Any:

@@ -34,7 +34,7 @@ class FixedGradient:
         if self.wheel < 0:
             raise ValueError(f"FixedGradient.wheel = {self.wheel} must be 0 at least")
 
-    def initial_state(self, speed):
+    def initial_state(self, speed, wheels):
         """The reference is the speed."""
         return speed
 

@@ -55,7 +55,7 @@ class KalmanState(NamedTuple):
 
 @model
 class KalmanSpeed:
-    """The filter, on the first `wheels` rims; 1: on the front axle alone, as in the source.
+    """The filter, on the rims of all wheels, or on the first `wheels`; 1: on one in front alone, as in the source.
 
     The default values are round ones, for a loop in which wheels go by the estimate. Those that `python -m tuning
     speed-study` finds for given stops come as near on stops held out, and have other gates.
@@ -83,18 +83,18 @@ class KalmanSpeed:
     )
     lag: Any = parameter("of the derivative of the rim speeds, s", default=0.02, low=0.0)
     least: Any = parameter("speed that the estimate is not below, m/s", default=0.1, **LEAST)
-    wheels: int = 2
-    """how many of the wheels are listened to"""
+    wheels: int | None = None
+    """how many of the wheels are listened to, the first of them; None: all"""
 
     def __post_init__(self):
-        if self.wheels < 1:
+        if self.wheels is not None and self.wheels < 1:
             raise ValueError(f"KalmanSpeed.wheels = {self.wheels} must be 1 at least")
 
-    def initial_state(self, speed) -> KalmanState:
+    def initial_state(self, speed, wheels) -> KalmanState:
         """The speed known as well as a rolling wheel tells it, no bias."""
-        zero = 0.0 * speed
+        zero, listened_to = 0.0 * speed, told(self, (speed,) * wheels, wheels if self.wheels is None else self.wheels)
         variances = self.rim_noise**2 + zero, zero, self.bias_deviation**2 + zero
-        return KalmanState(speed, zero, *variances, (speed,) * self.wheels)
+        return KalmanState(speed, zero, *variances, listened_to)
 
     def update(self, state: KalmanState, acceleration, rims, period) -> KalmanState:
         """State at a sample."""
@@ -118,7 +118,7 @@ class KalmanSpeed:
 
     def _measured(self, state: KalmanState, speed, car, rims, period):
         """Of each wheel the speed it tells, the acceleration of its rim, and its speed behind the lag."""
-        for rim, lagged in zip(told(self, rims, self.wheels), state.lagged):
+        for rim, lagged in zip(rims, state.lagged):
             braked = (1 - self.slip * car) * rim
             nearest = jnp.clip(speed, jnp.minimum(rim, braked), jnp.maximum(rim, braked))
             yield nearest, *rim_acceleration(rim, lagged, self.lag, period)

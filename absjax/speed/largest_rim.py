@@ -16,7 +16,7 @@ class LargestRim:
 
     least: Any = parameter("speed that the estimate is not below, m/s", default=0.1, **LEAST)
 
-    def initial_state(self, speed):
+    def initial_state(self, speed, wheels):
         """The speed."""
         return speed
 

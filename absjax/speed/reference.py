@@ -73,7 +73,7 @@ class ReferenceSpeed:
         if self.refreshed_by is not None and self.refreshed_by < 0:
             raise ValueError(f"ReferenceSpeed.refreshed_by = {self.refreshed_by} must be 0 at least")
 
-    def initial_state(self, speed) -> ReferenceState:
+    def initial_state(self, speed, wheels) -> ReferenceState:
         """The reference is the speed."""
         return ReferenceState(speed, speed)
 

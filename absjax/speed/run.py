@@ -38,7 +38,8 @@ def estimate_speed(estimator: SpeedEstimator, samples: SpeedSamples, period, *, 
     """
     dtype = jnp.result_type(samples.rims, samples.acceleration, jnp.float32)
     estimator, samples, period = jax.tree.map(lambda x: jnp.asarray(x, dtype), (estimator, samples, period))
-    start = estimator.initial_state(jnp.max(samples.rims[0]) if speed is None else jnp.asarray(speed, dtype))
+    begin = jnp.max(samples.rims[0]) if speed is None else jnp.asarray(speed, dtype)
+    start = estimator.initial_state(begin, samples.rims.shape[1])
 
     def body(state, sample: SpeedSamples):
         state = estimator.update(state, sample.acceleration, tuple(sample.rims), period)
@@ -73,4 +74,4 @@ def after_rolling(
         told = 0.0 * speed if accelerometer is None else accelerometer.measure(0.0 * speed, -period * number)
         return estimator.update(state, told, rims, period), None
 
-    return lax.scan(body, estimator.initial_state(speed), jnp.arange(samples - 1, -1, -1))[0]
+    return lax.scan(body, estimator.initial_state(speed, wheels), jnp.arange(samples - 1, -1, -1))[0]

@@ -41,10 +41,13 @@ def speeds(estimator, samples=LOG, **given):
     return np.asarray(estimate_speed(estimator, samples, PERIOD, **given).speed)
 
 
-@pytest.mark.parametrize("wheels", [1, 2])
-def test_filter_against_the_matrices_of_the_textbook(wheels):
-    found = estimate_speed(KalmanSpeed(**GATED, wheels=wheels), LOG, PERIOD, speed=LOG.rims[0, :wheels].max()).path
-    states, covariances = oracle.kalman(LOG.acceleration, LOG.rims[:, :wheels], PERIOD, **GATED)
+@pytest.mark.parametrize("rims, wheels", [(2, 1), (2, None), (4, None)])
+def test_filter_against_the_matrices_of_the_textbook(rims, wheels):
+    """On the first wheels, or on all there are."""
+    _, log = braked(wheels=rims)
+    heard = log.rims[:, :wheels]
+    found = estimate_speed(KalmanSpeed(**GATED, wheels=wheels), log, PERIOD, speed=heard[0].max()).path
+    states, covariances = oracle.kalman(log.acceleration, heard, PERIOD, **GATED)
     np.testing.assert_allclose(np.stack([found.speed, found.bias], axis=1), states, rtol=1e-9, atol=1e-10)
     mine = np.array([[found.speed_variance, found.covariance], [found.covariance, found.bias_variance]])
     np.testing.assert_allclose(np.moveaxis(mine, 2, 0), covariances, rtol=1e-8, atol=1e-12)
@@ -207,7 +210,7 @@ def test_free_rolling_before_against_the_matrices_of_the_textbook(dtype, near):
 
 def test_without_rolling_before_an_estimator_begins_as_it_does():
     begun = after_rolling(KalmanSpeed(), Accelerometer(), np.float64(20.0), 2, PERIOD, 0)
-    jax.tree.map(np.testing.assert_array_equal, begun, KalmanSpeed().initial_state(np.float64(20.0)))
+    jax.tree.map(np.testing.assert_array_equal, begun, KalmanSpeed().initial_state(np.float64(20.0), 2))
 
 
 def test_an_estimate_too_high_to_believe_its_wheels_finds_them_where_the_car_does_not_brake():

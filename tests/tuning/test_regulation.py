@@ -4,6 +4,7 @@ a split road under select-low on both axles."""
 import dataclasses
 import json
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -241,6 +242,60 @@ def test_sets_that_breach_a_row_are_worse_than_all_that_do_not(monkeypatch):
     costs, sets = np.array([4.0, 2.0, 1.0, 3.0]), {"a": np.array([4.0, 2.0, 1.0, 3.0])}
     np.testing.assert_allclose(passes.judged(costs, sets, 10.0), [24.0, 12.25, 11.25, 3.0])
     assert regulation.regulation_of(TuningConfig(vehicle={"car": "van"})) is None
+
+
+class Told(NamedTuple):
+    """What a fake run tells of its lanes."""
+
+    speed: jax.Array
+    set_point: jax.Array
+
+
+def test_sets_are_screened_together_on_every_car(monkeypatch):
+    """Each set's own stops on each car, whatever chunk it is in, against a loop over them by hand; epsilon by 5 %."""
+
+    def told(loops, lanes, clocked, *, sets):
+        assert clocked(loops)[0].rolling == 2000 and sets == 8
+        speeds = jnp.repeat(jnp.array([lane.stop.speed for lane in lanes]), sets)
+        return Told(speeds, loops.channels[2].controller.slip * loops.vehicle.mass)
+
+    def rows(loops, lanes, stops, known, turning):
+        assert turning == (None, 4.0)
+        found = {"demanded": 50.0, "outcomes": ()}
+        for i in (0, len(lanes) - 1):
+            yield (
+                False,
+                screening.Quantity("high", "ab", stops.speed[i] + stops.set_point[i], **found, with_margin=True),
+            )
+            yield True, screening.Quantity("low", "c", loops.channels[0].controller.slip[i], **found, at_least=False)
+            yield True, screening.Quantity("low", "told", 1.0, None, ())
+
+    monkeypatch.setattr(regulation, "run", told)
+    monkeypatch.setattr(regulation, "all_quantities", rows)
+    monkeypatch.setattr(regulation, "adhesions_of", lambda figures: 0.0)
+    vehicle = {"car": ["small", "van"], "sets": "own", "regulation": True, "largest_side_slip": 4.0, "speed": "kalman"}
+    passes = regulation.regulation_of(TuningConfig(controller="slip", vehicle=vehicle))
+    sets = {"front.slip": -0.01 * np.arange(1.0, 12.0), "rear.slip": -0.002 * np.arange(11.0, 0.0, -1.0)}
+    lanes = lanes_of(on_car(TuningConfig(), CAR, laden=False).driver)
+    by_hand = []
+    for car in ("small", "van"):
+        for lane in (lanes[0], lanes[-1]):
+            mass = getattr(shipped_cars()[car], "laden" if lane.laden else "unladen").mass
+            by_hand.append((lane.stop.speed + mass * sets["rear.slip"] - 50.0) / 50.0 - 0.05)
+            by_hand.append((50.0 - sets["front.slip"]) / 50.0)
+    by_hand = np.array(by_hand)
+    assert by_hand.min() < -0.1 < by_hand.max()
+    np.testing.assert_allclose(passes.breaches(sets), np.clip(-by_hand, 0, 1).sum(axis=0), rtol=1e-12)
+
+
+def test_two_axles_are_screened_on_four_wheels_as_cars_are_wired():
+    """A model without sides cannot tell how they are wired; one with them has it as it says."""
+    wired = {
+        entry.model: on_car(TuningConfig(vehicle=entry), CAR, laden=True).config.vehicle
+        for entry in (VehicleEntry(sets="own"), VehicleEntry(model="four_wheel"))
+    }
+    assert [wired[m].wiring for m in ("two_axle", "four_wheel")] == ["select_low_rear", "independent"]
+    assert wired["two_axle"].model == "four_wheel" and wired["two_axle"].sets == "own" and wired["two_axle"].laden
 
 
 def test_what_cannot_be_screened_is_said(tmp_path):

@@ -123,7 +123,6 @@ def test_one_set_serves_all_channels_of_every_wiring():
         ({"vehicle": {"car": ["small", "vans"]}}, "car: 'vans' is unknown.*mean van"),
         ({"vehicle": {"car": []}}, "vehicle.car = 0 must be 1 to 20 cars"),
         ({"vehicle": {"laden": [True, True]}}, "vehicle.laden = 2 must be each once"),
-        ({"vehicle": {"car": ["small", "van"], "regulation": True}}, "vehicle.regulation screens one car"),
         ({"vehicle": {"wiring": "select_low"}}, "needs the model four_wheel"),
         ({"vehicle": {"speed": "gps"}}, "vehicle.speed: 'gps' is unknown"),
         ({"vehicle": {}, "wheel": {"radius": 0.3}}, "without plant and wheel"),
