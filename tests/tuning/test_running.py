@@ -1,10 +1,12 @@
 """A controller tuned for where it runs: conditions drawn apart, limits that nothing pays for, a slope that descends."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
 
+from tuning.controllers import scatter
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.running import INFEASIBLE, running_problem
 from tuning.controllers.scatter import scattered
@@ -12,6 +14,7 @@ from tuning.controllers.setup import Setup
 from tuning.controllers.splits import SplitFigures
 from tuning.controllers.tune import worse_apart
 from tuning.core.config import ConfigError
+from tuning.core.roads import NEVER
 
 CONFIG = TuningConfig(
     setting="sampled",
@@ -114,10 +117,31 @@ def test_of_a_vehicle_every_wheel_is_another_and_the_fitted_slope_descends():
     assert np.asarray(slope).shape == (1, 1) and after < before < 2
 
 
+def test_roads_that_change_are_scattered_too(monkeypatch):
+    """Every surface has its own coefficients in every lane; all changes of a road come sooner or later alike."""
+    monkeypatch.setattr(scatter, "shortest", lambda loop, speed, horizon: np.zeros(len(speed)))
+    changing = {"surfaces": ["dry_asphalt", "snow", "dry_asphalt"], "changes": [20.0, 35.0]}
+    config = TuningConfig.from_json(
+        {"setting": "sampled", "roads": [changing, "wet_asphalt"], "speeds_kmh": [80.0], "draws": 40, "checked": 3}
+    )
+    setup = Setup.of(config)
+    batch = scattered(setup, "training")
+    plant: Any = batch.loop.plant
+    first, second = (np.asarray(change) for change in plant.road.changes)
+    changes = first < NEVER / 2
+    assert changes.sum() == 40
+    np.testing.assert_allclose(second[changes] / first[changes], 35 / 20)
+    logs = np.log(first[changes] / 20)
+    assert abs(logs.mean()) < 0.05 and 0.06 < logs.std() < 0.15
+    snow, dry = (np.log(np.asarray(plant.road.surfaces[i].c1)[changes]) for i in (1, 2))
+    assert 0.06 < snow.std() < 0.15 and abs(np.corrcoef(snow, dry)[0, 1]) < 0.4
+    still = scattered(
+        dataclasses.replace(setup, config=dataclasses.replace(config, conditions={"change": 0.0})), "test"
+    )
+    np.testing.assert_allclose(np.sort(still.loop.plant.road.changes[0])[:3], 20.0)
+
+
 def test_what_cannot_be_scattered_is_refused():
-    changing = {"surfaces": ["dry_asphalt", "snow"], "changes": [5.0]}
-    with pytest.raises(ConfigError, match="not scattered"):
-        running_problem(TuningConfig.from_json({"setting": "sampled", "roads": [changing]}))
     with pytest.raises(ConfigError, match=r"setting = 'sampled'.*predictive_tracking predicts over a delay"):
         TuningConfig(controller="predictive_tracking", delay=0.01, lag=None, setting="sampled")
     with pytest.raises(ConfigError, match="conditions"):

@@ -45,7 +45,9 @@ class Scatter(NamedTuple):
     """
 
     curve: float = 0.1
-    """of each coefficient of the tyre curve"""
+    """of each coefficient of the tyre curves"""
+    change: float = 0.1
+    """of the places where the surface changes, all of a road alike"""
     load: float = 0.1
     height: float = 0.05
     """of a vehicle's centre of gravity"""

@@ -1,8 +1,9 @@
 """Conditions a controller meets where it runs, drawn around the rows of a configuration.
 
-Every row of road, speed and pedal is drawn so many times: the coefficients of its tyre curve, load, radius, brake
-efficiency, lag, pedal and speed vary, and so do the phase of the control unit's clock, and the noise or the encoder of
-what it measures with. Of a vehicle it is load and centre of gravity that vary, and radius and brake of each wheel.
+Every row of road, speed and pedal is drawn so many times: the coefficients of its tyre curves, the places where its
+surface changes, load, radius, brake efficiency, lag, pedal and speed vary, and so do the phase of the control unit's
+clock, and the noise or the encoder of what it measures with. Of a vehicle it is load and centre of gravity that vary,
+radius and brake of each wheel, and the errors of the accelerometer by which its speed is estimated.
 The controller knows the nominal wheel. What is tuned on, what chooses between candidates and
 what is reported in the end are drawn apart.
 """
@@ -18,20 +19,20 @@ from absjax.encoder.edges import capacity_for
 from absjax.encoder.encoder import Encoder
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.plant.brake import Brake
-from absjax.plant.road import UniformRoad
+from absjax.plant.road import ChangingRoad, UniformRoad
 from absjax.plant.two_axle import TwoAxle
 from absjax.plant.wheel import GRAVITY, Wheel
 from absjax.sensors.base import Sensor
 from absjax.sensors.delayed import DelayedSensor
 from absjax.sensors.encoder import EncoderSensor
 from absjax.sensors.noisy import NoisySensor
+from absjax.tyres.base import Tyre
 from tuning.controllers.batch import SAFETY_HORIZON, Batch
 from tuning.controllers.chain import EVENTS, TEETH
 from tuning.controllers.config import Scatter
 from tuning.controllers.loops import Sensors, shortest
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
-from tuning.core.config import ConfigError
 from tuning.core.roads import stacked
 from tuning.encoder.chains import measured_chain
 
@@ -49,9 +50,6 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
 
     Args:
         stand_in: whether a chain is replaced by what is smooth (`absjax.sensors.delayed`).
-
-    Raises:
-        ConfigError: if a road changes: only uniform ones are scattered.
     """
     scatter = Scatter(**setup.config.conditions)
     draws = setup.config.draws if split == "training" else setup.config.checked
@@ -63,11 +61,8 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     def around(values: Any, deviation: float):
         return np.broadcast_to(values, count) * np.exp(deviation * rng.normal(size=count))
 
-    road = stacked([row.road for row in lanes])
-    if not isinstance(road, UniformRoad):
-        raise ConfigError("roads: those that change along the way are not scattered; setting = 'located' has them")
-    tyre = jax.tree.map(lambda c: around(c, scatter.curve), road.tyre)
-    nominal = setup.loop_of(None, UniformRoad(tyre), which=[row.which for row in lanes])
+    road = _with_surfaces(stacked([row.road for row in lanes]), around, scatter)
+    nominal = setup.loop_of(None, road, which=[row.which for row in lanes])
     loop = _with_car(nominal, around, scatter)
     lag = None if setup.brake.lag is None else around(setup.brake.lag, scatter.lag)
     speed = around([row.speed for row in lanes], scatter.speed)
@@ -78,8 +73,8 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
         delay=np.asarray(setup.driver.delay) + phase,
     )
     loop = _with_brake(dataclasses.replace(loop, driver=driver), Brake(setup.brake.rate_limit, lag, setup.brake.delay))
-    slowest = max(v / (GRAVITY * float(m)) for v, m in zip(speed, np.asarray(tyre.peak().friction)))
-    horizon = SAFETY_HORIZON * slowest + 1.0
+    least = np.min([tyre.peak().friction for tyre in tyres_of(road)], axis=0)
+    horizon = SAFETY_HORIZON * float(np.max(speed / (GRAVITY * least))) + 1.0
     seeds = rng.integers(LARGEST_SEED, size=count)
     noise = rng.uniform(0.0, scatter.noise, count)
     sensor = _sensors(setup, _radius(nominal), seeds, noise, scatter, stand_in)
@@ -103,6 +98,20 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
         substeps=setup.substeps(),
         max_events=config.max_events,
     )
+
+
+def tyres_of(road: Any) -> tuple[Tyre, ...]:
+    """Its tyre curves."""
+    return road.surfaces if isinstance(road, ChangingRoad) else (road.tyre,)
+
+
+def _with_surfaces(road: Any, around: Callable[[Any, float], Any], scatter: Scatter) -> Any:
+    """A road with other tyre curves in every lane; where it changes, its stretches are longer or shorter alike."""
+    surfaces = tuple(jax.tree.map(lambda c: around(c, scatter.curve), tyre) for tyre in tyres_of(road))
+    if not isinstance(road, ChangingRoad):
+        return UniformRoad(*surfaces)
+    scale = around(1.0, scatter.change)
+    return dataclasses.replace(road, surfaces=surfaces, changes=tuple(scale * change for change in road.changes))
 
 
 def _with_car(loop: Any, around: Callable[[Any, float], Any], scatter: Scatter) -> Any:
