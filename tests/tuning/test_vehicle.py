@@ -2,12 +2,14 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import jax
 import numpy as np
 import pytest
 
 from absjax.lanes import taken
+from absjax.loop.stop import Outcome
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.observers.base import Sample
 from absjax.observers.clamped import Clamped
@@ -25,6 +27,7 @@ from tuning.controllers.problem import problem_of
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.core.config import ConfigError
+from tuning.vehicle import distances
 from tuning.vehicle.scenario import BLEND, CHANGES, PERIOD, SUBSTEPS, Ride, figures_of, stiffness_along
 
 OWN = {
@@ -186,3 +189,39 @@ def test_what_is_told_of_the_scenario():
     assert told["speed error [%]"] == pytest.approx(10.0) and told["load error [%]"] == pytest.approx(3.0)
     assert told["on snow [s]"] == pytest.approx(0.3, abs=2e-3) and told["on wet [s]"] == pytest.approx(0.3, abs=2e-3)
     assert told["apart, median [ms]"] == pytest.approx(20.0, abs=0.5) and 80 < told["found [%]"] <= 100
+
+
+def test_drawn_stops_are_told_of_each_vehicle_and_of_all_together(monkeypatch):
+    """Each draw of a row with its own vehicle, road and ideal distance; together as if all were of one vehicle."""
+    vehicle = {"car": ["small", "van"], "laden": [False, True], "sets": "own", "speed": "kalman"}
+    entries = {"roads": ("snow", "dry_asphalt"), "speeds_kmh": (40.0, 90.0), "checked": 3, "setting": "sampled"}
+    config, sets = TuningConfig(controller="slip", vehicle=vehicle, **entries), distances.sets_of("slip", axles=True)
+    rows = [row for row in rows_of(config) for _ in range(3)]
+    lanes = np.arange(1.0, 1 + len(rows))
+
+    def judged(batch, values, step, ticks):
+        factor = np.stack([lanes + 100 * slip for slip in values["rear.slip"]], axis=1)
+        ends = np.where(lanes == 5.0, Outcome.STILL_MOVING, Outcome.STOPPED)[:, None] + 0 * values["rear.slip"].astype(
+            int
+        )
+        wheels = factor, 2 * factor
+        stops = SimpleNamespace(distance=2 * factor, outcome=ends, longest_lock=(3 * factor,), slide_time=wheels)
+        return SimpleNamespace(stops=stops)
+
+    monkeypatch.setattr(distances, "scattered", lambda setup, split: SimpleNamespace(ideal=2 * lanes))
+    monkeypatch.setattr(distances, "scored", judged)
+    found = distances.drawn(config, sets)
+    assert len(found) == 4 * len(sets)
+    van = next(one for one in found if (one.vehicle, one.set) == ("van laden", "car"))
+    mine = np.array([row.which == 3 for row in rows])
+    slip = sets["car"]["rear.slip"]
+    np.testing.assert_allclose(van.excess, np.where(lanes == 5.0, np.nan, 100 * slip / lanes)[mine])
+    np.testing.assert_allclose(van.slide_time[1], 2 * (lanes + 100 * slip)[mine])
+    assert van.names[:3] == ("dry_asphalt, 40 km/h",) * 3 and van.setting == distances.DRAWN
+    pooled = {one.set: one for one in distances.together(found)}["car"]
+    assert pooled.vehicle == distances.ALL and pooled.row()["do not end"] == 1
+    assert pooled.row()["longest lock [s]"] == pytest.approx(3 * (lanes.max() + 100 * slip), abs=1e-3)
+    assert pooled.row()["mean above ideal [%]"] == pytest.approx(
+        1e4 * slip * np.mean(1 / lanes[lanes != 5.0]), abs=1e-2
+    )
+    assert pooled.row()["on"].startswith("snow, 90 km/h, van laden")

@@ -7,18 +7,18 @@ from all wheels and an accelerometer with errors, after two seconds of rolling (
 """
 
 import dataclasses
-import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from absjax.loop.stop import Outcome
 from tuning.cars.entry import AXLES
-from tuning.controllers.batch import batch_of, scored
+from tuning.controllers.batch import Batch, batch_of, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import car_sets, tuned_sets
-from tuning.controllers.rows import rows_of
+from tuning.controllers.rows import Row, rows_of
+from tuning.controllers.scatter import scattered
 from tuning.controllers.setup import Setup
 from tuning.core.components import initial
 from tuning.core.roads import Surfaces
@@ -32,6 +32,8 @@ MOST_EVENTS = 2500
 MUCH = 0.5
 """Time in all from which on a wheel that slides is counted, s."""
 SETTINGS = "located", "sampled 1 ms", "sampled, estimated speed"
+DRAWN = "drawn conditions, estimated speed"
+ALL = "all cars"
 CHANGING = tuple(
     Surfaces(surfaces, changes, speeds)
     for surfaces, changes, speeds in (
@@ -114,32 +116,84 @@ def sets_of(controller: str, axles: bool) -> dict[str, dict[str, float]]:
 
 def compared(config: TuningConfig, sets: Mapping[str, Mapping[str, float]]) -> list[Found]:
     """Sets of one controller in every setting, over the rows of a configuration, on each of its vehicles."""
-    vehicle, rows = config.vehicle, rows_of(config)
-    told = dataclasses.replace(vehicle, speed="kalman", speed_parameters={})
-    names = np.array([f"{row.name}, {row.speed_kmh:g} km/h" for row in rows])
-    own = {one.name: np.array([row.which == i for row in rows]) for i, one in enumerate(vehicle.each)}
-    order = tuple(next(iter(sets.values())))
-    values = {name: np.array([chosen[name] for chosen in sets.values()]) for name in order}
+    told = dataclasses.replace(config.vehicle, speed="kalman", speed_parameters={})
     found = []
     for setting, chosen in zip(SETTINGS, (config, config, dataclasses.replace(config, vehicle=told))):
         setup = Setup.of(chosen)
-        batch = batch_of(setup)
-        judged = scored(batch, values) if setting == SETTINGS[0] else scored(batch, values, *setup.sampled_grid())
-        stopped = np.asarray(judged.stops.outcome) == Outcome.STOPPED
-        excess = np.where(stopped, np.asarray(judged.stops.distance) / batch.ideal[:, None] - 1, np.nan)
-        locks, wheels = np.asarray(judged.stops.longest_lock[0]), np.asarray(judged.stops.slide_time)
-        slides = wheels.reshape(len(AXLES), -1, *locks.shape).max(axis=1)
-        for (one, mine), (i, name) in itertools.product(own.items(), enumerate(sets)):
-            course = excess[mine, i], locks[mine, i], tuple(slides[:, mine, i])
-            found.append(Found(one, config.controller, name, setting, *course, tuple(names[mine])))
+        grid = () if setting == SETTINGS[0] else setup.sampled_grid()
+        found += _judged(setting, batch_of(setup), rows_of(chosen), sets, config, grid)
     return found
 
 
-def distances(
-    cars: Sequence[str], roads: Sequence[Any], speeds_kmh: tuple[float, ...], controllers: Sequence[str] = CONTROLLERS
+def drawn(config: TuningConfig, sets: Mapping[str, Mapping[str, float]]) -> list[Found]:
+    """Sets of one controller in conditions drawn around the rows of a configuration (`tuning.controllers.scatter`), its
+    test draws, on each of its vehicles."""
+    setup = Setup.of(config)
+    rows = [row for row in rows_of(config) for _ in range(config.checked)]
+    return _judged(DRAWN, scattered(setup, "test"), rows, sets, config, setup.sampled_grid())
+
+
+def _judged(
+    setting: str,
+    batch: Batch,
+    rows: Sequence[Row],
+    sets: Mapping[str, Mapping[str, float]],
+    config: TuningConfig,
+    grid: Sequence[Any],
 ) -> list[Found]:
-    """Every set of every controller in every setting on cars, unladen and laden."""
-    found, vehicle = [], {"car": list(cars), "laden": [False, True], "sets": "own"}
+    """Sets on a batch, by vehicle; `grid` as `tuning.controllers.batch.scored` takes it, empty where switchings are
+    located."""
+    order = tuple(next(iter(sets.values())))
+    values = {name: np.array([chosen[name] for chosen in sets.values()]) for name in order}
+    judged = scored(batch, values, *grid)
+    stopped = np.asarray(judged.stops.outcome) == Outcome.STOPPED
+    excess = np.where(stopped, np.asarray(judged.stops.distance) / batch.ideal[:, None] - 1, np.nan)
+    locks, wheels = np.asarray(judged.stops.longest_lock[0]), np.asarray(judged.stops.slide_time)
+    slides = wheels.reshape(len(AXLES), -1, *locks.shape).max(axis=1)
+    names, which = np.array([f"{row.name}, {row.speed_kmh:g} km/h" for row in rows]), np.array([r.which for r in rows])
+    return [
+        Found(
+            one.name,
+            config.controller,
+            name,
+            setting,
+            excess[which == i, k],
+            locks[which == i, k],
+            tuple(slides[:, which == i, k]),
+            tuple(names[which == i]),
+        )
+        for i, one in enumerate(config.vehicle.each)
+        for k, name in enumerate(sets)
+    ]
+
+
+def together(found: Sequence[Found]) -> list[Found]:
+    """What is found of each set in each setting on several vehicles, as of one."""
+    sets = dict.fromkeys((one.controller, one.set, one.setting) for one in found)
+    return [_pooled([one for one in found if (one.controller, one.set, one.setting) == key]) for key in sets]
+
+
+def _pooled(found: Sequence[Found]) -> Found:
+    names = tuple(f"{name}, {one.vehicle}" for one in found for name in one.names)
+    excess, locks = (np.concatenate([getattr(one, name) for one in found]) for name in ("excess", "longest_lock"))
+    slides = tuple(map(np.concatenate, zip(*(one.slide_time for one in found))))
+    return found[0]._replace(vehicle=ALL, excess=excess, longest_lock=locks, slide_time=slides, names=names)
+
+
+def distances(
+    cars: Sequence[str],
+    roads: Sequence[Any],
+    speeds_kmh: tuple[float, ...],
+    controllers: Sequence[str] = CONTROLLERS,
+    judge: Callable[..., list[Found]] = compared,
+    **entries: Any,
+) -> list[Found]:
+    """Every set of every controller on cars, unladen and laden, as `judge` has it.
+
+    Args:
+        entries: of the configuration, besides.
+    """
+    found, vehicle = [], {"car": list(cars), "laden": [False, True], "sets": "own", **entries.pop("vehicle", {})}
     for controller in controllers:
         config = TuningConfig(
             controller=controller,
@@ -148,6 +202,7 @@ def distances(
             stop_speed_kmh=TO_STOP_KMH,
             vehicle=vehicle,
             max_events=MOST_EVENTS,
+            **entries,
         )
-        found += compared(config, sets_of(controller, axles=True))
+        found += judge(config, sets_of(controller, axles=True))
     return found

@@ -14,7 +14,7 @@ from tuning.controllers.recipes import car_sets
 from tuning.core.figures import save
 from tuning.core.report import Report
 from tuning.vehicle import figures
-from tuning.vehicle.distances import CHANGING, FURTHER, Found, distances
+from tuning.vehicle.distances import CHANGING, FURTHER, Found, distances, drawn, together
 from tuning.vehicle.scenario import Ride, figures_of, ride, rides_told, scenario_loop
 
 UNBIASED = {"bias_drift": 1e-4, "bias_deviation": 0.05, "rim_noise": 1.0}
@@ -26,6 +26,14 @@ FILTERS: dict[str, SpeedEstimator | None] = {
     "front axle, no bias": KalmanSpeed(wheels=1, **UNBIASED),
 }
 
+SCATTERED: dict[str, Any] = {
+    "setting": "sampled",
+    "checked": 4,
+    "seed": 1,
+    "vehicle": {"speed": "kalman", "accelerometer_gain": 0.03, "accelerometer_slope": 0.15},
+}
+"""Conditions of drawn stops besides those of `tuning.controllers.config.Scatter`: bias, error of scale and slope are
+normal."""
 ON_CHANGING = "five_phase", "slip"
 """Controllers with a set of three cars, which are judged on roads that change as well."""
 
@@ -37,6 +45,8 @@ def study(out: Path) -> Iterator[Report]:
     yield _over_ideal("distances", distances(cars, ROADS, SPEEDS_KMH))
     yield _over_ideal("roads that change", distances(cars, CHANGING, SPEEDS_KMH, ON_CHANGING))
     yield _over_ideal("further roads that change", distances(cars, FURTHER, SPEEDS_KMH, ON_CHANGING))
+    every = *ROADS, *CHANGING, *FURTHER
+    yield _over_ideal("all roads drawn", distances(cars, every, SPEEDS_KMH, ON_CHANGING, drawn, **SCATTERED))
 
 
 def scenario(out: Path) -> Report:
@@ -72,7 +82,8 @@ def scenario(out: Path) -> Report:
 
 
 def _over_ideal(what: str, found: Sequence[Found]) -> Report:
-    """A table for each vehicle."""
+    """A table for each vehicle, and one of all together."""
+    found = [*found, *together(found)]
     vehicles = dict.fromkeys(one.vehicle for one in found)
     tables = {
         f"{what} {vehicle}: from the pedal to 15 km/h, over the ideal of the car": [
