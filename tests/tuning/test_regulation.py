@@ -4,6 +4,7 @@ a split road under select-low on both axles."""
 import dataclasses
 import json
 import math
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import jax
@@ -178,12 +179,34 @@ def test_what_a_unit_is_told_needs_a_unit_that_estimates():
     told = {"--bias": None, "--gain": 0.05, "--slope": None, "--rolling": 0.0}
     assert study.estimation("kalman", False, told) == {"accelerometer_gain": 0.05, "rolling": 0.0}
     assert study.estimation(None, True, dict.fromkeys(told)) == {}
+    with pytest.raises(ConfigError, match="--errors: of a unit that estimates the speed; needs --speed"):
+        study.estimation(None, False, dict.fromkeys(told), True)
     with pytest.raises(ConfigError, match="--gain, --rolling: of a unit that estimates the speed; needs --speed"):
         study.estimation(None, False, told)
     with pytest.raises(ConfigError, match=r"--speed: .* with --located there is none"):
         study.estimation("kalman", True, dict.fromkeys(told))
     with pytest.raises(ConfigError, match=r"rolling = 1000000000\.0"):
         VehicleEntry(rolling=1e9)
+
+
+def test_every_set_is_screened_under_every_error_on_all_cars(monkeypatch, tmp_path):
+    """A line for each set and error: rows failed by car, and the worst of all cars."""
+
+    def screened(config, car, figures):
+        slid = 0.6 if config.vehicle.accelerometer_slope < 0 and car == "van" else 0.1
+        unable = 0.2 if config.vehicle.rolling == 0 and config.start else 0.5
+        rows = judged(True, lambda stop: {"slide": slid if stop.name == "split" else 0.0, "steerability": unable})
+        return SimpleNamespace(rows=[dataclasses.replace(row, car=car) for row in rows.values()])
+
+    monkeypatch.setattr(study, "screening_of", screened)
+    cars = {car: shipped_cars()[car] for car in ("small", "van")}
+    (report,) = study.study_of_errors(cars, ("slip",), tmp_path, speed="kalman")
+    (lines,) = report.tables.values()
+    found = {(row["told"], row["set"]): tuple(row[name] for name in list(row)[2:]) for row in lines}
+    assert len(found) == len(lines) == 15 and [path.name for path in report.files] == ["screening.csv"]
+    assert found["a slope of 3 % downwards begins", "untuned"] == ("0, 1", "0.75", "0.60", "0.50")
+    assert found["turned on by the pedal", "of the car"] == ("2, 2", "0.75", "0.10", "0.20")
+    assert found["scale 5 % too large", "tuned"] == ("0, 0", "0.75", "0.10", "0.50")
 
 
 def test_too_good_a_utilisation_doubts_the_adhesion():

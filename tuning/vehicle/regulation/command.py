@@ -59,6 +59,9 @@ def regulation_study(
     rolling: Annotated[
         float | None, typer.Option(help="Free rolling before the pedal, by which the bias is found, s; 2. 0: none.")
     ] = None,
+    errors: Annotated[
+        bool, typer.Option("--errors", help="Instead every set told wrongly: scale, slope, turned on by the pedal.")
+    ] = False,
     located: Annotated[bool, typer.Option("--located", help="Switchings located instead of sampled.")] = False,
     force: Force = False,
 ) -> None:
@@ -70,10 +73,12 @@ def regulation_study(
         from tuning.vehicle.regulation import study, tasks
 
         told = {"--bias": bias, "--gain": gain, "--slope": slope, "--rolling": rolling}
-        entries = {"wiring": wiring, "speed": speed, **study.estimation(speed, located, told)}
+        entries = {"wiring": wiring, "speed": speed, **study.estimation(speed, located, told, errors)}
         VehicleEntry(model="four_wheel", **entries)
         names = study.chosen(None if controllers is None else controllers.split(","))
         chosen = tasks.cars_of(TuningConfig(), None if cars is None else cars.split(","))
+        if errors:
+            return (), lambda: study.study_of_errors(chosen, names, out, **entries)
         return (), lambda: study.study(chosen, names, out, located=located, **entries)
 
     carry_out(out, work, about=REGULATION_STUDY, force=force)
