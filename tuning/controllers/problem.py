@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from absjax.loop.closed_loop import ClosedLoop
-from tuning.controllers.batch import Batch, batch_of, scored
+from tuning.controllers.batch import Batch, Scored, batch_of, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import charges, exact_charges, rig_loops
 from tuning.controllers.regulation import Regulation, regulation_of
@@ -58,7 +58,7 @@ class ControllerProblem(Problem):
 
     def screen(self, points):
         """Costs, located."""
-        return np.asarray(self.objective.costs(scored(self.batch, self.box.arrays(points)).losses))
+        return np.asarray(self.objective.costs(self._scored(points).losses))
 
     def judge(self, points):
         """Costs at the worse of both semantics, located and sampled.
@@ -68,7 +68,7 @@ class ControllerProblem(Problem):
         regulation is to be passed, the best few are charged for it, and the others are out.
         """
         parameters, setup = self.box.arrays(points), self.setup
-        sampled = scored(self.batch, parameters, *setup.sampled_grid()).losses
+        sampled = self._scored(points, *setup.sampled_grid()).losses
         costs = np.maximum(self.screen(points), np.asarray(self.objective.costs(sampled)))
         largest = setup.config.largest_contraction
         if self.regulation is not None:
@@ -81,6 +81,11 @@ class ControllerProblem(Problem):
         charged = costs + 2 * BREACH_CHARGE
         charged[best] = costs[best] + excess + BREACH_CHARGE * (excess > 0)
         return charged
+
+    def _scored(self, points, *grid) -> Scored:
+        """A generation at a time."""
+        together = self.setup.config.population or self.population
+        return scored(self.batch, self.box.arrays(points), *grid, chunk=together)
 
 
 @partial(jax.jit, static_argnames=("box", "objective", "limits"))

@@ -86,7 +86,8 @@ class RunningProblem(Problem):
         return np.where(excess > 0, INFEASIBLE + costs + excess, costs)
 
     def _costs(self, batch: Batch, points) -> np.ndarray:
-        found = scored(batch, self.box.arrays(points), *self.grid, self.population)
+        together = self.setup.config.population or self.population
+        found = scored(batch, self.box.arrays(points), *self.grid, together)
         costs = np.asarray(self.objective.costs(found.ratios))
         broken = np.sum(found.losses - found.ratios, axis=0)
         return np.where(broken > 0, INFEASIBLE + broken, costs)

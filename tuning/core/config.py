@@ -81,8 +81,11 @@ def config(cls: type[T]) -> type[T]:
 
 
 def said(error: pydantic.ValidationError) -> str:
-    """What of the entries cannot be used, in a line."""
-    return "; ".join(map(_sentence, error.errors()[:5]))
+    """What of the entries cannot be used, in a line; of a list not that it is short without them."""
+    found = error.errors()
+    within = {one["loc"][:-1] for one in found}
+    told = [one for one in found if one["type"] != "too_short" or one["loc"] not in within]
+    return "; ".join(map(_sentence, told[:5]))
 
 
 def _sentence(error: Any) -> str:
