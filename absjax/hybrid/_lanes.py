@@ -12,14 +12,15 @@ LANDING_TOLERANCE = 1e-5
 
 
 class Grid(NamedTuple):
-    """The time grid, `start + index * step`, how many switchings a lane may make on it, and how many
-    iterations more than those of the grid its parts may take."""
+    """The time grid, `start + index * step`, how many switchings a lane may make on it, how many
+    iterations more than those of the grid its parts may take, and how many segments of the scan all may take."""
 
     start: jax.Array
     step: jax.Array
     steps: jax.Array
     max_events: jax.Array
     spare: jax.Array
+    segments: jax.Array
 
 
 class Local(NamedTuple):

@@ -24,6 +24,7 @@ class Plan(NamedTuple):
     """Static choices of a rollout."""
 
     segments: int
+    """of the scan; `Grid.segments` of them are used"""
     length: int
     save: bool
     checkpoint: bool
@@ -167,9 +168,9 @@ def run_tile(system, state, mode, grid: Grid, system_axes, plan: Plan):
     def skip(system, grid, lanes):
         return lanes, _no_records(lanes, plan)
 
-    def body(lanes, _):
-        under_way = jnp.any(is_active(grid, lanes))
+    def body(lanes, number):
+        under_way = jnp.any(is_active(grid, lanes)) & (number < grid.segments)
         return lax.cond(under_way, segment, skip, system, grid, lanes)
 
-    lanes, records = lax.scan(body, _with_tangents(system, lanes), None, length=plan.segments)
+    lanes, records = lax.scan(body, _with_tangents(system, lanes), jnp.arange(plan.segments, dtype=jnp.int32))
     return lanes, jax.tree.map(lambda leaf: leaf.reshape((-1,) + leaf.shape[2:]), records)

@@ -28,16 +28,26 @@ class SwitchLog(NamedTuple):
     target: jax.Array
 
 
-def collect(grid: Grid, steps: int, start, lane: Lanes, records: Record, save_every: int, max_logged: int):
+class Kept(NamedTuple):
+    """How much of its course a rollout keeps; static."""
+
+    every: int
+    """grid points from one of the trajectory to the next; 0: no trajectory"""
+    points: int
+    """of the trajectory, after the first"""
+    switchings: int
+    """in the log; 0: no log"""
+
+
+def collect(grid: Grid, kept: Kept, start, lane: Lanes, records: Record):
     """Trajectory and switch log of one lane from its records (iterations,)."""
     iterations = jnp.arange(records.index.shape[0], dtype=jnp.int32)
     clock = grid.start + (records.index + 1) * grid.step - records.left
     trajectory = switches = None
-    if save_every:
-        points = steps // save_every
-        wanted = records.arrived & (records.index % save_every == 0)
-        place = jnp.where(wanted, records.index // save_every - 1, points)
-        at = jnp.full(points, -1, jnp.int32).at[place].set(iterations, mode="drop")
+    if kept.every:
+        wanted = records.arrived & (records.index % kept.every == 0)
+        place = jnp.where(wanted, records.index // kept.every - 1, kept.points)
+        at = jnp.full(kept.points, -1, jnp.int32).at[place].set(iterations, mode="drop")
         valid = at >= 0
         end_time = time_of(grid, lane)
 
@@ -50,9 +60,9 @@ def collect(grid: Grid, steps: int, start, lane: Lanes, records: Record, save_ev
             series(start[1], records.mode, lane.mode),
             jnp.concatenate([jnp.ones(1, bool), valid]),
         )
-    if max_logged:
-        place = jnp.where(records.jumped, jnp.cumsum(records.jumped) - 1, max_logged)
-        at = jnp.full(max_logged, -1, jnp.int32).at[place].set(iterations, mode="drop")
+    if kept.switchings:
+        place = jnp.where(records.jumped, jnp.cumsum(records.jumped) - 1, kept.switchings)
+        at = jnp.full(kept.switchings, -1, jnp.int32).at[place].set(iterations, mode="drop")
         logged = at >= 0
         switches = SwitchLog(
             jnp.where(logged, clock[at], time_of(grid, lane)),

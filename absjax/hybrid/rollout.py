@@ -14,7 +14,7 @@ import numpy as np
 from absjax.hybrid._lanes import Grid, time_of
 from absjax.hybrid._scan import Plan, run_tile
 from absjax.hybrid._tiles import over_tiles
-from absjax.hybrid.recording import SwitchLog, Trajectory, collect
+from absjax.hybrid.recording import Kept, SwitchLog, Trajectory, collect
 from absjax.hybrid.system import HybridSystem
 from absjax.lanes import lane_axes, lane_count
 from absjax.parameters import concrete
@@ -102,6 +102,19 @@ class Rollout(NamedTuple):
         return self
 
 
+def _scan_of(iterations: int) -> tuple[int, int]:
+    """Segments, and iterations of each."""
+    length = min(SEGMENT, iterations)
+    return -(-iterations // length), length
+
+
+def _with_room(segments: int, length: int) -> tuple[int, int]:
+    """The same with a number of segments that others have too, one of four an octave: another horizon or budget of
+    switchings then finds its program compiled. What is too much is skipped (`Grid.segments`)."""
+    unit = 1 << max(segments.bit_length() - 3, 0)
+    return -(-segments // unit) * unit, length
+
+
 def _spare(steps: int) -> int:
     """Iterations a lane may spend on parts of grid steps: 9 of 10 random stops to walking pace need a quarter of it."""
     return SEGMENT + steps // 2
@@ -136,6 +149,7 @@ def rollout(
     than a single lane needs, that axis counts lanes (`absjax.lanes.lane_axes`); other leaves are
     shared. Lanes run in tiles, the tiles spread over all local devices. Differentiable in forward and
     reverse mode with respect to system and state, not to `step` and `start`; dtype follows `state`.
+    Where nothing is kept of the course, `steps` and `max_events` that differ by little share a compiled program.
 
     Args:
         system: see `absjax.hybrid.system.HybridSystem`.
@@ -180,16 +194,20 @@ def rollout(
     dtype = jnp.result_type(*(jnp.asarray(leaf).dtype for leaf in jax.tree.leaves(state)), jnp.float32)
     cast = _as_float(dtype)
     system, state = jax.tree.map(cast, system), jax.tree.map(cast, state)
-    whole = (jnp.asarray(number, jnp.int32) for number in (steps, max_events, _spare(int(steps))))
+    steps, max_events, save_every, spare = int(steps), int(max_events), int(save_every), _spare(int(steps))
+    kept = Kept(save_every, steps // save_every if save_every else 0, max_events if save_switches else 0)
+    smooth, switching = (_scan_of(most) for most in (steps, steps + 5 * max_events + spare))
+    whole = (jnp.asarray(number, jnp.int32) for number in (steps, max_events, spare, switching[0]))
     grid = Grid(jnp.asarray(start, dtype), jnp.asarray(step, dtype), *whole)
+    if not any(kept):
+        smooth, switching = (_with_room(*scan) for scan in (smooth, switching))
     mode = jnp.asarray(mode, jnp.int32)
-    return _rollout(
-        system, state, mode, grid, int(steps), int(max_events), int(save_every), save_switches, checkpoint, tile
-    )
+    return _rollout(system, state, mode, grid, smooth, switching, kept, checkpoint, tile)
 
 
-@partial(jax.jit, static_argnums=(4, 5, 6, 7, 8, 9))
-def _rollout(system, state, mode, grid, steps, max_events, save_every, save_switches, checkpoint, tile):
+@partial(jax.jit, static_argnums=(4, 5, 6, 7, 8))
+def _rollout(system, state, mode, grid, smooth, switching, kept, checkpoint, tile):
+    """`smooth`, `switching`: segments and their length for a system that never switches, and for one that does."""
     axes = lane_axes(system)
     lanes = lane_count(system, "system")
     lanes = lane_count(state, "state", lanes)
@@ -207,33 +225,29 @@ def _rollout(system, state, mode, grid, steps, max_events, save_every, save_swit
     system = jax.tree.map(spread, system, shared)
     state, mode = jax.tree.map(lambda leaf, axis: spread(leaf, axis < 0), (state, mode), lane_axes((state, mode)))
 
-    smooth = not jax.eval_shape(lambda: _one_lane_guards(system, axes, state, grid))
-    iterations = steps if smooth else steps + 5 * max_events + _spare(steps)
-    length = min(SEGMENT, iterations)
-    segments = -(-iterations // length)
+    switches = bool(jax.eval_shape(lambda: _one_lane_guards(system, axes, state, grid)))
+    segments, length = switching if switches else smooth
     words = sum(leaf.size for leaf in jax.tree.leaves(state)) // lanes + 4
     if checkpoint is None:
-        checkpoint = lanes * iterations * words * grid.step.dtype.itemsize > RECORD_BYTES
-    plan = Plan(segments, length, bool(save_every or save_switches), bool(checkpoint))
+        checkpoint = lanes * segments * length * words * grid.step.dtype.itemsize > RECORD_BYTES
+    plan = Plan(segments, length, any(kept), bool(checkpoint))
 
     def roll(system, state, mode):
         final, records = run_tile(system, state, mode, grid, axes, plan)
-        kept = (None, None)
+        collected = (None, None)
         if plan.save:
-            gather = partial(collect, grid, steps, save_every=save_every, max_logged=max_events * save_switches)
-            kept = jax.vmap(lambda x, m, lane, r: gather(start=(x, m), lane=lane, records=r), in_axes=(0, 0, 0, 1))(
-                state, mode, final, records
-            )
-        ended = (final.mode < 0) | (final.index >= steps)
+            gather = jax.vmap(partial(collect, grid, kept), in_axes=(0, 0, 1))
+            collected = gather((state, mode), final, records)
+        ended = (final.mode < 0) | (final.index >= grid.steps)
         at_end = jnp.where(final.mode < 0, Status.FINISHED, jnp.where(ended, Status.COMPLETED, Status.BUDGET_EXHAUSTED))
-        too_fast = (final.strain > LARGEST_STRAIN) | (final.spent >= _spare(steps))
+        too_fast = (final.strain > LARGEST_STRAIN) | (final.spent >= grid.spare)
         status = jnp.where(
             final.mode == DIVERGED,
             Status.DIVERGED,
             jnp.where(ended & too_fast, Status.STEP_TOO_LARGE, at_end),
         ).astype(jnp.int32)
         time = time_of(grid, final)
-        return Rollout(time, final.state, final.mode, status, final.events, final.grazes, final.strain, *kept)
+        return Rollout(time, final.state, final.mode, status, final.events, final.grazes, final.strain, *collected)
 
     tile = tile or min(TILE, max(SMALLEST_TILE, -(-lanes // len(jax.local_devices()))))
     result = over_tiles(roll, axes, lanes, tile)(system, state, mode)

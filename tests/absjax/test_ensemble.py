@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from absjax.hybrid import rollout as engine
-from absjax.hybrid.rollout import rollout
+from absjax.hybrid.rollout import Status, rollout
 from absjax.lanes import lane_axes
 from absjax.tyres.burckhardt import Burckhardt
 from tests.systems import Decay, Level, Relay, five_phase_loop
@@ -80,6 +80,29 @@ def test_values_do_not_recompile():
     for drive in (1.9, np.float64(1.8), jnp.asarray(1.7)):
         rollout(Relay(jnp.asarray(drive)), Level(jnp.asarray(0.1)), step=0.05, steps=40, max_events=6, tile=7)
     assert engine._rollout._cache_size() == before
+
+
+def over(steps, **options):
+    return rollout(Relay(1.9), Level(jnp.asarray(0.1)), step=0.05, steps=steps, **options)
+
+
+def test_another_horizon_finds_its_program_and_ends_where_it_did():
+    """Against rollouts that keep a point, whose program is one of their own length."""
+    over(380)
+    before = engine._rollout._cache_size()
+    ends = over(375), over(350), over(375, max_events=198)
+    assert engine._rollout._cache_size() == before
+    exact = over(375, save_every=375)
+    assert float(ends[0].time) == 375 * 0.05 and float(ends[1].time) == 350 * 0.05
+    np.testing.assert_allclose([ends[0].state.x, ends[2].state.x], exact.state.x, rtol=1e-12)
+
+
+def test_room_that_a_horizon_does_not_need_is_not_used(monkeypatch):
+    monkeypatch.setattr(engine, "_scan_of", lambda iterations: (2, 64))
+    monkeypatch.setattr(engine, "_with_room", lambda segments, length: (8, length))
+    end = over(381)
+    assert int(end.status) == Status.BUDGET_EXHAUSTED
+    assert 1.0 < float(end.time) < 128 * 0.05
 
 
 def test_lane_axes_follow_the_declared_number_of_axes():
