@@ -226,16 +226,18 @@ class _Reduced(NamedTuple):
 
 
 def _reduced(residual, by_shared, by_own, damping) -> _Reduced:
-    own_matrix = np.einsum("lni,lnj->lij", by_own, by_own)
+    by_own_turned = by_own.swapaxes(1, 2)
+    own_matrix = by_own_turned @ by_own
     diagonal = np.einsum("lii->li", own_matrix)
     # A lane that carries no weight has no state to find.
     raised = (damping + RIDGE) * diagonal + (diagonal == 0)
-    own_inverse = np.linalg.inv(own_matrix + np.einsum("li,ij->lij", raised, np.eye(by_own.shape[2])))
-    cross = np.einsum("lnp,lnj->lpj", by_shared, by_own)
-    own_vector = np.einsum("lnj,ln->lj", by_own, residual)
+    own_inverse = np.linalg.inv(own_matrix + raised[:, None] * np.eye(by_own.shape[2]))
+    cross = by_shared.swapaxes(1, 2) @ by_own
+    own_vector = (by_own_turned @ residual[..., None])[..., 0]
     flat = by_shared.reshape(-1, by_shared.shape[2])
-    matrix = flat.T @ flat - np.einsum("lpi,lij,lqj->pq", cross, own_inverse, cross, optimize=True)
-    vector = flat.T @ residual.ravel() - np.einsum("lpi,lij,lj->p", cross, own_inverse, own_vector, optimize=True)
+    lanes, eliminated = (x.swapaxes(0, 1).reshape(flat.shape[1], -1) for x in (cross, cross @ own_inverse))
+    matrix = flat.T @ flat - eliminated @ lanes.T
+    vector = flat.T @ residual.ravel() - eliminated @ own_vector.ravel()
     return _Reduced(matrix, vector, own_inverse, cross, own_vector)
 
 
