@@ -2,7 +2,7 @@
 
 | phase | leaves when |
 |---|---|
-| 0 driver braking | x2 <= -(eps0 + eps0_growth R w) -> 1 |
+| 0 driver braking | x2 <= -(eps0 + eps0_growth R w) -> 1; the wheel stands, above 15 km/h -> 1 |
 | 1 release | x2 >= eps1 -> 2; after longest_release -> 4 |
 | 2 hold | x2 >= eps2 -> 3; x2 falls back through fallback eps1 -> 4 |
 | 3 fast apply | x2 <= eps3 -> 4; the wheel stands, after 20 ms -> 1 |
@@ -15,7 +15,8 @@ Ours, and not met in the published stops (`ways_back` off: the automaton as publ
   deeper the faster the car, before the road's peak is anywhere near;
 * the end of a release without x2 >= eps1, which no wheel reaches on ice: the brake would stay released;
 * the way back from the hold of phase 5, where the road has become better: the pressure would stay where it is;
-* the release of a wheel that stands: it decelerates no more, and pressure would be applied to it for ever.
+* the release of a wheel that stands: it decelerates no more, and pressure would be applied to it for ever. Under all
+  that the driver gives it may have come there slowly, without ever decelerating by eps0.
 
 A threshold that is not beyond the one before leaves its phase no time: the five phases are five only if
 eps2 >= eps1 + 2, eps2 >= eps3 + 2 and eps5 >= eps4 + 2 m/s^2, the least that noise lets apart.
@@ -39,6 +40,8 @@ STOPPING = 100.0
 rise about alike, and an interpolant over the corner between them does not overshoot."""
 SHORTEST_APPLY = 0.02
 """s, to a wheel that stands: at walking pace any wheel comes to stand, and would let phases follow without end."""
+WALKING = 15 / 3.6
+"""Vehicle speed, m/s, below which a wheel that stands under the driver's pressure is left to him."""
 TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
 
 
@@ -98,16 +101,16 @@ class AccelerationPhases(Controller):
         onward = jnp.where(rising, x2 - threshold, threshold - x2)
         overdue = signals.time - state.time - self.longest_release
         fallen, recovered = self.fallback * self.eps1 - x2, x2 + self.fallback * self.eps4
-        stands = jnp.minimum(
-            (STANDS - signals.radius * signals.wheel_speed) / STOPPING, signals.time - state.time - SHORTEST_APPLY
-        )
+        comes_to_stand = (STANDS - signals.radius * signals.wheel_speed) / STOPPING
+        stands = jnp.minimum(comes_to_stand, signals.time - state.time - SHORTEST_APPLY)
+        slides = while_pressed(jnp.minimum(comes_to_stand, (signals.vehicle_speed - WALKING) / STOPPING), signals)
         if not self.ways_back:
-            overdue = recovered = stands = -1.0
-        back = pick(phase, (-1.0, overdue, fallen, stands, stands, recovered))
+            overdue = recovered = stands = slides = -1.0
+        back = pick(phase, (slides, overdue, fallen, stands, stands, recovered))
         return jnp.where(phase == 0, while_pressed(onward, signals), onward), back
 
     def switch(self, signals: Signals, state, phase, slot):
         """The phase that follows, entered now."""
         onward = jnp.where(phase == 5, 1, phase + 1)
-        other = jnp.where((phase == 3) | (phase == 4), 1, 4)
+        other = jnp.where((phase == 0) | (phase == 3) | (phase == 4), 1, 4)
         return self.initial_state(signals), jnp.where(slot == 1, other, onward)

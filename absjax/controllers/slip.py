@@ -3,8 +3,10 @@
     x2* = -gamma (lambda - lambda*) + v' lambda,  v (R/J) dT/dt = -K (x2 - x2*),  T = -gamma_b Pb
 
 which leads to exactly lambda*, whatever the road, if K is large enough. It has to know vehicle speed and
-acceleration, and what slip to aim at.
-Source: Hoang 2014 (thesis), section 8.3.2.
+acceleration, and what slip to aim at. Driver braking ends by the deceleration of the wheel, as it does for others, or
+where the slip is half as large again as lambda*: where friction hardly falls behind its peak, a wheel under all that
+the driver gives sinks slowly, and never decelerates much.
+Source: Hoang 2014 (thesis), section 8.3.2; the second end of driver braking is ours.
 """
 
 from typing import Any, ClassVar
@@ -12,10 +14,13 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from absjax.controllers.driver_braking import DriverBraking
-from absjax.controllers.phases import OPEN_VALVE
+from absjax.controllers.phases import OPEN_VALVE, while_pressed
 from absjax.parameters import model, parameter, part
 from absjax.plant.wheel import Wheel
 from absjax.signals import Signals
+
+BEYOND = 1.5
+"""Times the set point: the slip that ends driver braking."""
 
 
 @model
@@ -25,7 +30,7 @@ class SlipControl(DriverBraking):
     title: ClassVar[str] = "wheel slip"
     grid_step: ClassVar[float] = 1e-3
     phases: ClassVar[tuple[str, ...]] = ("driver braking", "control")
-    slots: ClassVar[int] = 1
+    slots: ClassVar[int] = 2
     cycle_phase: ClassVar[int | None] = None
     """it does not cycle"""
     thresholds: ClassVar[tuple[str, ...]] = ("eps0",)
@@ -49,8 +54,10 @@ class SlipControl(DriverBraking):
         return jnp.where(phase == 0, OPEN_VALVE, follow)
 
     def guards(self, signals: Signals, state, phase):
-        """The end of driver braking."""
-        return (jnp.where(phase == 0, self.driver_guard(signals), -1.0),)
+        """The end of driver braking: by deceleration, and by slip."""
+        slip = self.wheel.slip(signals.wheel_speed, signals.vehicle_speed)
+        sinks = while_pressed(BEYOND * self.slip - slip, signals)
+        return jnp.where(phase == 0, self.driver_guard(signals), -1.0), jnp.where(phase == 0, sinks, -1.0)
 
     def switch(self, signals: Signals, state, phase, slot):
         """Control after driver braking."""

@@ -139,6 +139,10 @@ def driver_edge(mode, s, kept, p):
     return [(-p.eps0 - s.x2, 1)] if mode == 0 else [(-1.0, 1)]
 
 
+def slip_edges(mode, s, kept, p):
+    return [*driver_edge(mode, s, kept, p), *([(1.5 * p.slip - s.slip, 1)] if mode == 0 else [])]
+
+
 def bosch_rate(mode, s, kept, p):
     return [0.0, 0.0, -p.release, 0.0, p.apply, 0.0, p.step, 0.0][mode] / s.rim
 
@@ -234,7 +238,8 @@ CASES = {
     "continuous XBS": Case(
         StiffnessControl(c=33.8, d=11.7), stiffness_rate, driver_edge, nothing, "rate_gain", {(0, 1)}
     ),
-    "continuous slip": Case(SlipControl(), slip_rate, driver_edge, nothing, "slip", {(0, 1)}),
+    "continuous slip": Case(SlipControl(), slip_rate, slip_edges, nothing, "slip", {(0, 1)}),
+    "continuous slip, begun by slip": Case(SlipControl(eps0=1e3), slip_rate, slip_edges, nothing, "slip", {(0, 1)}),
     "eight-phase": Case(BOSCH, bosch_rate, bosch_edges, bosch_keep, "release", BOSCH_VISITED, 0.01122, 1.0, 9392.5),
     "production logic": Case(
         PRODUCTION, production_rate, production_edges, nothing, "a2", PRODUCTION_VISITED, 0.008, 0.8, 9e3
@@ -416,6 +421,32 @@ def test_thresholds_out_of_order_are_refused():
         ProductionLogic(a1=44.0)
     with pytest.raises(ValueError, match=r"BoschLogic\.plus_A = 40\.0 must be at least plus_a \+ 2 = 52\.0"):
         BoschLogic(plus_a=50.0)
+
+
+def guard_of(controller, speed, slip, pedal=1.0):
+    """The second way out of driver braking."""
+    loop = loop_of(controller)
+    signals = loop.signals(0.1, loop.braking(jnp.asarray(speed), slip, 1.0), 0)._replace(pedal=pedal)
+    return float(controller.guards(signals, controller.initial_state(signals._replace(time=0.0)), 0)[1])
+
+
+def test_slip_control_begins_where_the_slip_is_far_beyond_its_set_point():
+    slip = SlipControl(slip=-0.12)
+    assert guard_of(slip, 30.0, -0.19) == pytest.approx(0.01) and guard_of(slip, 30.0, -0.17) == pytest.approx(-0.01)
+    assert guard_of(slip, 30.0, -0.19, pedal=0.0) < 0
+
+
+def test_five_phases_let_go_of_a_wheel_that_has_come_to_stand_under_the_driver():
+    """To a deceleration that it never had, above 15 km/h; below, and as published, it is left to him."""
+    never = FivePhase(eps0=1e4)
+    assert guard_of(never, 30.0, -1.0) > 0 > guard_of(never, 30.0, -0.9)
+    assert guard_of(never, 4.0, -1.0) < 0 and guard_of(never, 30.0, -1.0, pedal=0.0) < 0
+    assert guard_of(FivePhase(eps0=1e4, ways_back=False), 30.0, -1.0) < 0
+    loop = loop_of(never)
+    state = loop.braking(30.0, -1.0, 1.0)._replace(brake=loop.brake.initial_state(60.0))
+    mode = Mode(0, FREE, LOCKED, FREE).encoded(len(FivePhase.phases))
+    end = rollout(loop, state, mode, step=2e-3, steps=60, max_events=50)
+    assert not bool(loop.locked(end.mode))
 
 
 def test_five_phases_let_go_of_a_wheel_that_stands():
