@@ -258,12 +258,16 @@ def test_select_low_on_both_axles_misses_the_split_row():
 
 
 def test_sets_that_breach_a_row_are_worse_than_all_that_do_not(monkeypatch):
-    """The best few are screened; of them those that breach are charged, and the others are out."""
+    """The best few are screened, and more if all of them breach; these are charged, and the others are out."""
     monkeypatch.setattr(regulation, "FINALISTS", 3)
     passes = object.__new__(regulation.Regulation)
     monkeypatch.setattr(passes, "breaches", lambda sets: np.where(sets["a"] < 2.5, 0.25, 0.0))
     costs, sets = np.array([4.0, 2.0, 1.0, 3.0]), {"a": np.array([4.0, 2.0, 1.0, 3.0])}
     np.testing.assert_allclose(passes.judged(costs, sets, 10.0), [24.0, 12.25, 11.25, 3.0])
+    monkeypatch.setattr(regulation, "FINALISTS", 2)
+    np.testing.assert_allclose(passes.judged(costs, sets, 10.0), [4.0, 12.25, 11.25, 3.0])
+    monkeypatch.setattr(passes, "breaches", lambda sets: 1.0 + 0.0 * sets["a"])
+    np.testing.assert_allclose(passes.judged(costs, sets, 10.0), costs + 11.0)
     assert regulation.regulation_of(TuningConfig(vehicle={"car": "van"})) is None
 
 

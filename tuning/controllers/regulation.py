@@ -35,7 +35,7 @@ from tuning.vehicle.regulation.screening import (
 
 USUAL: dict[str, Any] = {"model": "four_wheel", "wiring": "select_low_rear"}
 FINALISTS = 8
-"""Sets that are screened in a generation."""
+"""Sets that are screened together."""
 
 
 def on_car(config: TuningConfig, figures: CarFigures, *, laden: bool) -> Setup:
@@ -95,11 +95,15 @@ class Regulation:
         return np.clip(-margins, 0.0, 1.0).sum(axis=0)
 
     def judged(self, costs: np.ndarray, parameters: Mapping[str, Any], charge: float) -> np.ndarray:
-        """Costs (sets,) of which the best few are charged for what they breach, and the others are out."""
-        best = np.argsort(costs)[:FINALISTS]
-        breached = self.breaches({name: values[best] for name, values in parameters.items()})
-        charged = costs + 2 * charge
-        charged[best] = costs[best] + breached + charge * (breached > 0)
+        """Costs (sets,), charged for what is breached: the best few are screened, then the next, until a set keeps all
+        rows; those that are left are out."""
+        charged, order = costs + 2 * charge, np.argsort(costs)
+        for first in range(0, len(order), FINALISTS):
+            some = order[first : first + FINALISTS]
+            breached = self.breaches({name: values[some] for name, values in parameters.items()})
+            charged[some] = costs[some] + breached + charge * (breached > 0)
+            if not breached.all():
+                break
         return charged
 
     def warnings(self, values: Mapping[str, Any]) -> list[str]:
