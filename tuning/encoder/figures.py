@@ -139,7 +139,8 @@ def cycles_figure(courses: Mapping[str, Course], lane: int = 0):
         panel.legend(fontsize="small", loc="upper left")
     for panel in axes.flat[len(others) :]:
         panel.set_axis_off()
-    for panel in axes[-1]:
+    for panel in axes.flat[max(0, len(others) - axes.shape[1]) : len(others)]:
+        panel.tick_params(labelbottom=True)
         panel.set_xlabel("slip λ")
     for panel in axes[:, 0]:
         panel.set_ylabel("x2 = R ω' - v'  [m/s²]")
