@@ -212,8 +212,8 @@ def trade_off_figure(curves: Mapping[str, Sequence[Mapping[str, float]]], points
         noise = min(point["noise"], NOISIEST)
         label += "" if noise == point["noise"] else " (diverges)"
         axes.plot(noise, point["mean"], "k^", ms=6)
-        side = {"ha": "right", "xytext": (-5, 4)} if noise == NOISIEST else {"xytext": (5, 4)}
-        axes.annotate(label, (noise, point["mean"]), fontsize=8, textcoords="offset points", **side)
+        side, shift = ("right", -5) if noise == NOISIEST else ("left", 5)
+        axes.annotate(label, (noise, point["mean"]), fontsize=8, ha=side, xytext=(shift, 4), textcoords="offset points")
     axes.set(xscale="log", yscale="log", xlabel="XBS rms caused by 0.5 m/s² of noise on x2", xlim=(0.08, 2 * NOISIEST))
     axes.set_ylabel("mean settling time after a road change [s]")
     axes.grid(alpha=0.3, which="both")
