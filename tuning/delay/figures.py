@@ -95,6 +95,7 @@ def cycle_figure(traces: Sequence[Trace], window: tuple[float, float]):
         target = np.where(trace.tracked, trace.target, np.nan)
         axes.plot(trace.slip[part], target[part], "r", lw=1.0, label="z1*(t - h)")
         axes.set(xlabel="slip λ", title=trace.label)
+        axes.locator_params(axis="x", nbins=6)
         axes.grid(alpha=0.3)
     first = np.atleast_1d(grid)[0]
     first.set(ylabel="z1 [m/s²]", ylim=(-90, 90))

@@ -38,7 +38,8 @@ def signals_figure(study: LogStudy, turning: Turning):
                 panel.plot(time[part], values, label=label, **style)
             panel.set(xlabel="time [s]", ylabel=UNITS[signal])
             panel.grid(alpha=0.3)
-    axes[0, 0].legend(loc="lower left", fontsize="small")
+        row[1].locator_params(axis="x", nbins=4)
+    axes[0, 0].legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, frameon=False, fontsize="small")
     axes[0, 1].set_title("the end of the log", fontsize="medium")
     figure.tight_layout()
     return figure
@@ -138,7 +139,8 @@ def cycles_figure(courses: Mapping[str, Course], lane: int = 0):
         panel.legend(fontsize="small", loc="upper left")
     for panel in axes.flat[len(others) :]:
         panel.set_axis_off()
-    for panel in axes[-1]:
+    for panel in axes.flat[max(0, len(others) - axes.shape[1]) : len(others)]:
+        panel.tick_params(labelbottom=True)
         panel.set_xlabel("slip λ")
     for panel in axes[:, 0]:
         panel.set_ylabel("x2 = R ω' - v'  [m/s²]")

@@ -105,7 +105,7 @@ def stamped_figure():
     axes[1].set(ylabel="wheel acceleration [rad/s²]", xlabel="time [s]")
     for panel in axes:
         panel.grid(alpha=0.3)
-    axes[0].legend(fontsize="small", loc="upper right")
+        panel.legend(fontsize="small", loc="center left", bbox_to_anchor=(1, 0.5))
     return figure
 
 

@@ -132,7 +132,7 @@ def rig_states_figure(study: RigStudy, label: str, estimate_y: np.ndarray):
     upper.plot(study.signals.time, estimate_y, lw=0.7, color="C3", label="estimated")
     lower.plot(study.signals.time, study.truth, "k", lw=0.8, label="from force and slip")
     lower.plot(study.signals.time, study.estimates[label], lw=0.7, color="C3", label="estimated")
-    upper.set(ylabel="x2 [m/s²]", title=label, ylim=(-60, 60))
+    upper.set(ylabel="x2 [m/s²]", title=label, ylim=(-60, 90))
     lower.set(ylabel="XBS", xlabel="time [s]", ylim=(-3, 8), xlim=(0.5, None))
     for axes in (upper, lower):
         axes.legend(fontsize="small", loc="upper right")
@@ -212,7 +212,8 @@ def trade_off_figure(curves: Mapping[str, Sequence[Mapping[str, float]]], points
         noise = min(point["noise"], NOISIEST)
         label += "" if noise == point["noise"] else " (diverges)"
         axes.plot(noise, point["mean"], "k^", ms=6)
-        axes.annotate(label, (noise, point["mean"]), fontsize=8, xytext=(5, 4), textcoords="offset points")
+        side, shift = ("right", -5) if noise == NOISIEST else ("left", 5)
+        axes.annotate(label, (noise, point["mean"]), fontsize=8, ha=side, xytext=(shift, 4), textcoords="offset points")
     axes.set(xscale="log", yscale="log", xlabel="XBS rms caused by 0.5 m/s² of noise on x2", xlim=(0.08, 2 * NOISIEST))
     axes.set_ylabel("mean settling time after a road change [s]")
     axes.grid(alpha=0.3, which="both")
