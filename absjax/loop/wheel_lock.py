@@ -1,7 +1,7 @@
 """A wheel that slides, locks and comes free.
 
     turning -> sliding   where the slip falls to `DEEP_SLIP`
-    sliding -> turning   where it rises to it
+    sliding -> turning   where it rises to it, and a little further (`RISES`)
     sliding -> locked    where w falls to 0
     locked -> sliding    where gamma_b Pb falls to what the tyre gives at slip -1, R |Fx(-1)|
 
@@ -14,6 +14,9 @@ from absjax.loop.memory import DEEP_SLIP, Sliding
 
 TURNING, SLIDING, LOCKED = range(3)
 """What a wheel does."""
+RISES = 1.001
+"""Times the wheel speed below which it slides: where it turns again. One bound for both would be crossed to and fro in
+one instant, without end, by a wheel whose slip just touches it."""
 SPIN_UP = 1e-6
 """Speed a wheel comes free with, rad/s: at 0 it would count as locked again."""
 
@@ -32,7 +35,7 @@ def guard(does, wheel_speed, acceleration, bound):
         acceleration: w' if it may turn [rad/s^2].
         bound: wheel speed below which it slides [rad/s].
     """
-    slides = jnp.where(does == SLIDING, jnp.maximum(wheel_speed - bound, -wheel_speed), bound - wheel_speed)
+    slides = jnp.where(does == SLIDING, jnp.maximum(wheel_speed - RISES * bound, -wheel_speed), bound - wheel_speed)
     return jnp.where(does == LOCKED, acceleration, slides)
 
 

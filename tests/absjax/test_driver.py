@@ -17,6 +17,7 @@ from absjax.loop.ideal import ideal_distance
 from absjax.loop.memory import DEEP_SLIP, LOCK_SPEEDS
 from absjax.loop.sampled_loop import SampledLoop
 from absjax.loop.stop import Outcome, stop
+from absjax.loop.wheel_lock import SLIDING, deep, guard
 from absjax.plant.brake import Brake
 from absjax.plant.quarter_car import QuarterCar
 from absjax.plant.road import ChangingRoad, UniformRoad
@@ -83,7 +84,7 @@ class ByHand:
         elif self.slide_began is None:
             found.append(("slide", bound - y[1]))
         else:
-            found += [("lock", -y[1]), ("turns", y[1] - bound)]
+            found += [("lock", -y[1]), ("turns", y[1] - 1.001 * bound)]
         if self.phase > 0 or self.foot != "off":
             ways = five_phase.edges(self.phase, x, self.p)
             ways += five_phase.ways_back(self.phase, x, t - self.entered, self.p, RADIUS * y[1])
@@ -285,3 +286,13 @@ def test_the_ideal_stop_follows_the_pedal_then_the_road():
     changing = float(ideal_distance(loop_of(driver=at_once, road=patch), SPEED, horizon=8.0))
     assert changing == pytest.approx(by_quadrature(driver, peak, SPEED), abs=2e-4)
     assert float(ideal_distance(loop_of(driver=soft), SPEED, horizon=0.5)) == np.inf
+
+
+def test_a_wheel_whose_slip_just_touches_that_of_a_slide_does_not_begin_and_end_it_for_ever():
+    """These touched it, one to a few ulp apart; each switched to and fro in one instant until the budget was spent."""
+    controller = FivePhase(eps1=np.linspace(20.0, 38.0, 512)[496:504])
+    loop = dataclasses.replace(loop_of(controller, Driver(rate=400.0, largest=150.0)), stop_speed=0.7)
+    stopped = stop(loop, 120 / 3.6, horizon=12.0)
+    assert (np.asarray(stopped.outcome) == Outcome.STOPPED).all() and int(stopped.events.max()) < 360
+    bound = deep(30.0, 0.3)
+    assert guard(SLIDING, bound, -1.0, bound) < 0 < guard(SLIDING, 1.002 * bound, -1.0, bound)

@@ -328,9 +328,14 @@ def test_two_axles_are_screened_on_four_wheels_as_cars_are_wired():
 def test_what_cannot_be_screened_is_said(tmp_path):
     with pytest.raises(ConfigError, match="--cars: 'lorry' is unknown"):
         tasks.cars_of(TuningConfig(), ["lorry"])
-    assert list(tasks.cars_of(TuningConfig(vehicle={"car": "van"}), ["own"])) == ["own"]
+    assert list(tasks.cars_of(TuningConfig(vehicle={"car": "van"}), ["own", "small"])) == ["van", "small"]
+    higher = {load: {**getattr(CAR, load).to_json(), "height": 0.6} for load in ("unladen", "laden")}
+    lower = {load: {**getattr(CAR, load).to_json(), "height": 0.5} for load in ("unladen", "laden")}
+    cars = [{**CAR.to_json(), "note": "mine", **one} for one in (higher, lower)]
+    assert list(tasks.cars_of(TuningConfig(vehicle={"car": ["van", *cars]}), None)) == ["van", "mine 2", "mine 3"]
+    assert list(tasks.cars_of(TuningConfig(), None)) == list(shipped_cars())
     with pytest.raises(ConfigError, match="--cars: 'own' is unknown"):
-        tasks.cars_of(TuningConfig(vehicle={"car": ["van", "small"]}), ["own"])
+        tasks.cars_of(TuningConfig(), ["own"])
     with pytest.raises(ConfigError, match="one of --config and --controller is needed"):
         tasks.config_of(None, None)
     with pytest.raises(ConfigError, match="controller: 'abs' is unknown"):

@@ -17,7 +17,8 @@ def regulation(
     ] = None,
     controller: Annotated[str | None, typer.Option(help="A shipped tuned set instead, by its controller.")] = None,
     cars: Annotated[
-        str | None, typer.Option(help="Comma-separated; all shipped if missing, own: that of the configuration.")
+        str | None,
+        typer.Option(help="Comma-separated, own: those of the configuration. If missing these, or all shipped."),
     ] = None,
     located: Annotated[bool, typer.Option("--located", help="Switchings located instead of sampled.")] = False,
     force: Force = False,

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from absjax.controllers import PREDICTIVE
-from tuning.cars.car import CarFigures, shipped_cars
+from tuning.cars.car import CarFigures, name_of_car, shipped_cars
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import tuned_sets
 from tuning.controllers.regulation import clocked, on_car, turning_of
@@ -19,22 +19,30 @@ from tuning.vehicle.regulation.figures import stops_figure
 from tuning.vehicle.regulation.screening import LOADS, Row, Screened, screened
 
 OWN = "own"
-"""The car of the configuration, among the names of cars."""
+"""The cars of the configuration, among the names of cars."""
 
 
 def cars_of(config: TuningConfig, names: Sequence[str] | None) -> dict[str, CarFigures]:
-    """Cars by name; all that are shipped, or those named: `OWN` is the one of the configuration, if it has one.
+    """Cars by name: those named, of which `OWN` are those of the configuration; without names these, or where it has
+    none all that are shipped.
 
     Raises:
         ConfigError: if there is no such car.
     """
-    known = dict(shipped_cars())
-    if config.vehicle is not None and len(config.vehicle.cars) == 1:
-        known[OWN] = config.vehicle.cars[0]
-    names = tuple(shipped_cars()) if names is None else names
+    known, own = dict(shipped_cars()), () if config.vehicle is None else config.vehicle.cars
+    names = ((OWN,) if own else tuple(known)) if names is None else names
+    found: dict[str, CarFigures] = {}
     for name in names:
-        choice("--cars", name, known)
-    return {name: known[name] for name in names}
+        choice("--cars", name, (*known, *((OWN,) if own else ())))
+        found |= _called(own) if name == OWN else {name: known[name]}
+    return found
+
+
+def _called(cars: Sequence[CarFigures]) -> dict[str, CarFigures]:
+    """Cars by their names; where several have one they are numbered."""
+    names = [name_of_car(car) for car in cars]
+    numbered = [f"{n} {i + 1}" if names.count(n) > 1 else n for i, n in enumerate(names)]
+    return dict(zip(numbered, cars))
 
 
 def shipped_set(name: str) -> TuningConfig:
@@ -76,15 +84,15 @@ def verdict(rows: Sequence[Row]) -> tuple[str, list[str]]:
     car = rows[0].car.replace("_", " ")
     failed = [row for row in rows if row.passed is False]
     narrow = [row for row in rows if row.passed and not row.passed_with_margin]
-    reasons = [f"{car}: {len(failed)} of {len(rows)} rows failed: {', '.join(map(_called, failed))}"] if failed else []
+    reasons = [f"{car}: {len(failed)} of {len(rows)} rows failed: {', '.join(map(_row, failed))}"] if failed else []
     if narrow:
-        reasons.append(f"{car}: not by 5 %: {', '.join(map(_called, narrow))}")
+        reasons.append(f"{car}: not by 5 %: {', '.join(map(_row, narrow))}")
     if failed:
         return f"rows failed, {car}", reasons
     return f"every row passed{', not each by 5 %' if narrow else ''}, {car}", reasons
 
 
-def _called(row: Row) -> str:
+def _row(row: Row) -> str:
     return f"{row.quantity.split(' [')[0]} ({row.surface}, {row.load})"
 
 
