@@ -5,7 +5,7 @@ import dataclasses
 import json
 import math
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -29,7 +29,7 @@ from tuning.controllers.regulation import on_car
 from tuning.core.config import ConfigError
 from tuning.core.files import shipped
 from tuning.vehicle.regulation import adhesion, screening, study, tasks
-from tuning.vehicle.regulation.course import Course, lateral_share, rise_time
+from tuning.vehicle.regulation.course import Course, lateral_share, rise_time, steerability
 from tuning.vehicle.regulation.lanes import lanes_of
 from tuning.vehicle.regulation.quantities import KMH, Weights, braking_rate, mean_rate, split_demands, time_at
 from tuning.vehicle.regulation.surfaces import roads, surfaces
@@ -226,6 +226,29 @@ def test_lateral_force_that_is_left():
     by_hand = [mu(math.hypot(lx, ly)) / math.hypot(lx, ly) * ly / mu(ly) for lx in (0.0, 0.12, 1.0)]
     assert shares == pytest.approx(by_hand, rel=1e-12)
     assert shares[0] == 1.0 and shares[1] > 0.45 and shares[2] < 0.06
+
+
+class Motion(NamedTuple):
+    longitudinal: Any
+    distance: Any
+
+
+class Slipping(NamedTuple):
+    motion: Motion
+    slips: Any
+
+
+@pytest.mark.parametrize("deep", [0, 2])
+def test_steerability_is_that_of_the_axle_with_less_left(deep):
+    """Either axle may have it; only between 45 and 15 km/h."""
+    slips = np.full((4, 4), -0.05)
+    slips[:, deep : deep + 2] = [[-1.0, -1.0], [-0.3, -0.1], [-0.2, -0.25], [-1.0, -1.0]]
+    states = Slipping(Motion(np.array([20.0, 12.0, 8.0, 3.0]), np.zeros(4)), slips)
+    road = roads(("high", "high"), ("high", "high"))[0]
+    car: Any = SimpleNamespace(roads=(road,) * 4, slips=lambda time, state: [(slip, 0.0) for slip in state.slips])
+    left = [float(lateral_share(road, slip, 0.0, 0.0)) for slip in (-0.3, -0.1, -0.2, -0.25)]
+    found = jax.jit(lambda states: steerability(car, np.zeros(4), states))(states)
+    assert float(found) == pytest.approx(np.mean(left), rel=1e-12)
 
 
 def test_time_to_a_high_deceleration():

@@ -18,7 +18,7 @@ from absjax.plant.wheel import GRAVITY
 from tuning.vehicle.regulation.quantities import KMH, braking_rate
 
 FRONT = 2
-"""Wheels of the front axle: the first two."""
+"""Wheels of an axle; of the front axle the first two."""
 SIDE_SLIP = math.sin(math.radians(4.0))
 """ly at which steerability is told."""
 SOON = 2.0
@@ -43,7 +43,8 @@ class Course(NamedTuple):
     slide: Any
     """how long the wheel that slides most has a slip below -0.8 above 15 km/h, in all [s]; infinite likewise"""
     steerability: Any
-    """lateral force at a side-slip of 4 deg over that of a rolling wheel, front axle, mean from 45 to 15 km/h"""
+    """lateral force at a side-slip of 4 deg over that of a rolling wheel, mean from 45 to 15 km/h, of the axle that has
+    less left: without it in front a car does not steer, without it behind it does not keep its direction"""
     passed: Any
     """speed where the surface changes [m/s]"""
     steered_soon: Any
@@ -99,17 +100,18 @@ def _course(loop: VehicleLoop, time, state, lock, slide, outcome) -> Course:
 
 
 def steerability(car: FourWheel, time, state):
-    """(mu(s) ly / s) / mu(ly) with s = |(lx, ly)|, ly = sin 4 deg: mean of the front wheels from 45 to 15 km/h."""
+    """(mu(s) ly / s) / mu(ly) with s = |(lx, ly)|, ly = sin 4 deg: mean of an axle from 45 to 15 km/h, the lesser of
+    both."""
     speed = state.motion.longitudinal
     counts = (speed <= 45 * KMH) & (speed >= 15 * KMH)
 
-    def share(time, state):
-        slips, place = car.slips(time, state)[:FRONT], state.motion.distance
+    def shares(time, state):
+        slips, place = car.slips(time, state), state.motion.distance
         left = [lateral_share(road, along, time, place) for road, (along, _) in zip(car.roads, slips)]
-        return sum(left) / FRONT
+        return jnp.stack([sum(left[:FRONT]), sum(left[FRONT:])]) / FRONT
 
-    shares = jax.vmap(share)(time, state)
-    return safe_divide(jnp.where(counts, shares, 0.0).sum(), counts.sum(), counts.any())
+    of_axles = jnp.where(counts[:, None], jax.vmap(shares)(time, state), 0.0).sum(axis=0)
+    return safe_divide(of_axles.min(), counts.sum(), counts.any())
 
 
 def lateral_share(road, along, time, place):
