@@ -20,10 +20,12 @@ from absjax.plant.wheel import Wheel
 from absjax.speed import KalmanSpeed
 from tuning.cars.car import car_entry, shipped_cars
 from tuning.cars.entry import WIRINGS, VehicleEntry, of_axle
+from tuning.cars.lifting import lifting
 from tuning.controllers.batch import batch_of
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.loops import in_control_unit, loop_of_lanes
 from tuning.controllers.problem import problem_of
+from tuning.controllers.result import TuningResult
 from tuning.controllers.rows import rows_of
 from tuning.controllers.setup import Setup
 from tuning.core.config import ConfigError
@@ -191,6 +193,15 @@ def test_what_is_told_of_the_scenario():
     assert told["apart, median [ms]"] == pytest.approx(20.0, abs=0.5) and 80 < told["found [%]"] <= 100
 
 
+def test_a_car_whose_rear_wheels_lift_is_told_of():
+    """lf / h = 1.05 / 1.15 on dry asphalt, not on wet; none of the cars that are shipped."""
+    mine = shipped_cars()["small"].to_json() | {"note": "mine"}
+    mine["unladen"] = {**mine["unladen"], "to_front": 1.05, "height": 1.15}
+    (told,) = lifting(VehicleEntry(car=["van", mine], laden=[False, True]), ["dry_asphalt", "wet_asphalt"])
+    assert told.startswith("mine: its rear wheels lift from 0.91 g on, and there is more friction on dry_asphalt;")
+    assert lifting(None, ["dry_asphalt"]) == lifting(VehicleEntry(car=list(shipped_cars())), ["dry_asphalt"]) == []
+
+
 def test_drawn_stops_are_told_of_each_vehicle_and_of_all_together(monkeypatch):
     """Each draw of a row with its own vehicle, road and ideal distance; together as if all were of one vehicle."""
     vehicle = {"car": ["small", "van"], "laden": [False, True], "sets": "own", "speed": "kalman"}
@@ -225,3 +236,11 @@ def test_drawn_stops_are_told_of_each_vehicle_and_of_all_together(monkeypatch):
         1e4 * slip * np.mean(1 / lanes[lanes != 5.0]), abs=1e-2
     )
     assert pooled.row()["on"].startswith("snow, 90 km/h, van laden")
+
+
+def test_controllers_of_two_axles_are_not_given_as_one():
+    config = TuningConfig.from_json(OWN)
+    result = TuningResult({"rear.eps0": 77.0}, [], [], 1.0, [], [], config)
+    with pytest.raises(ValueError, match="a controller for each axle"):
+        _ = result.controller
+    assert result.setup.controller(result.parameters, 1).eps0 == 77.0

@@ -41,13 +41,9 @@ def load_controller(path: str | Path) -> Controller:
     """The tuned controller of a `result.json`.
 
     Raises:
-        ValueError: as `load_result`; if each axle of a vehicle has its own: `load_result(path).setup.controller` makes
-            that of one of them.
+        ValueError: as `load_result`, and `TuningResult.controller`.
     """
-    result = load_result(path)
-    if len(result.config.prefixes) > 1:
-        raise ValueError(f"{path} has a controller for each axle: load_result(path).setup.controller(parameters, axle)")
-    return result.controller
+    return load_result(path).controller
 
 
 def plot_stop(

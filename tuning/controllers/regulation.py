@@ -36,6 +36,8 @@ from tuning.vehicle.regulation.screening import (
 USUAL: dict[str, Any] = {"model": "four_wheel", "wiring": "select_low_rear"}
 FINALISTS = 8
 """Sets that are screened together."""
+BREACHED = "regulation"
+"""What the warning of a row that is breached begins with."""
 
 
 def on_car(config: TuningConfig, figures: CarFigures, *, laden: bool) -> Setup:
@@ -114,7 +116,7 @@ class Regulation:
             for laden, quantity in self._quantities(car, values)
         ]
         return [
-            f"regulation: {row.quantity} ({row.surface}, {row.car} {row.load}) is breached: demanded "
+            f"{BREACHED}: {row.quantity} ({row.surface}, {row.car} {row.load}) is breached: demanded "
             f"{row.demanded:.3g}, reached {'never' if row.reached is None else format(row.reached, '.3g')}"
             for row in rows
             if row.passed is False

@@ -88,7 +88,13 @@ class TuningResult:
 
     @property
     def controller(self) -> Controller:
-        """The tuned controller."""
+        """The tuned controller.
+
+        Raises:
+            ValueError: if each axle of a vehicle has its own; `setup.controller(parameters, axle)` is that of one.
+        """
+        if len(self.config.prefixes) > 1:
+            raise ValueError("a controller for each axle: setup.controller(parameters, axle) is that of one")
         return self.setup.controller(self.parameters)
 
     def to_json(self) -> dict[str, Any]:

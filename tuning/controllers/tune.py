@@ -5,6 +5,7 @@ import numpy as np
 
 from absjax.loop.growth import is_unstable
 from absjax.loop.step_check import differs
+from tuning.cars.lifting import lifting
 from tuning.controllers.batch import at_half_step, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import certify_cycles
@@ -47,6 +48,7 @@ def tune_abs(
         rows=rows,
         splits=splits,
         warnings=[
+            *lifting(config.vehicle, config.roads),
             *short_phases(problem.setup, problem.batch, parameters),
             *unstable_stops(rows),
             *of_another_step(rows),
@@ -120,14 +122,22 @@ def worse_apart(splits: list[SplitFigures]) -> list[str]:
         return []
     found = []
     if not tuned.feasible:
-        found.append(
-            f"in validation {tuned.unfinished} of {tuned.stops} stops do not end, {tuned.locked} lock above 15 km/h, "
-            f"{tuned.slid or 0} slide, {tuned.stuck} stick"
-        )
+        found.append(f"in validation {_broken(tuned)}")
     if untuned.mean is not None and (tuned.mean is None or tuned.mean >= untuned.mean):
-        but = "" if untuned.feasible else ", but for the limits that one breaks"
-        found.append(f"in validation the tuned set is no better than the untuned one{but}")
+        means = " and ".join("-" if mean is None else f"{100 * (mean - 1):.1f}" for mean in (tuned.mean, untuned.mean))
+        but = "" if untuned.feasible else f"; of the untuned one {_broken(untuned)}, which no distance makes good"
+        found.append(
+            f"in validation the tuned set is no shorter than the untuned one, {means} % above ideal in the mean{but}"
+        )
     return found
+
+
+def _broken(figures: SplitFigures) -> str:
+    """How often a set breaks each limit."""
+    return (
+        f"{figures.unfinished} of {figures.stops} stops do not end, {figures.locked} lock above 15 km/h, "
+        f"{figures.slid or 0} slide, {figures.stuck} stick"
+    )
 
 
 def _times(growth: float | None) -> str:

@@ -124,7 +124,7 @@ def study_of_errors(
                     for cell in cells_of(rows)
                 ]
         files = [write_csv(every, out / "screening.csv")] if controller == controllers[-1] else []
-        yield Report({f"{title} told wrongly: all cars, unladen and laden": lines}, [], files)
+        yield Report({f"{title} told wrongly: the worst of {', '.join(cars)}, unladen and laden": lines}, [], files)
 
 
 def _of_cars(screened: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
