@@ -178,11 +178,13 @@ def test_scoring_in_chunks_and_some_of_the_rows():
 
 
 def test_what_nobody_should_buy_is_charged():
-    """A wheel locked for long above 15 km/h, a stop that does not end, a controller that rests."""
+    """A wheel locked for long above 15 km/h and let go of slowly, a stop that does not end, a controller that rests."""
     config = dataclasses.replace(SMALL, objective="mean")
     setup = Setup.of(config)
     batch = batch_of(setup).of(np.array([1, 1]))
-    sets = {"eps0": [400.0, 30.0, 50.0], "eps4": [20.0, 20.0, 20.0], "eps5": [30.0, 500.0, 30.0]}
+    release = setup.initial["u1"]
+    sets = {"eps0": [400.0, 30.0, 50.0], "u1": [5.0, release, release]}
+    sets |= {"eps4": [20.0, 20.0, 20.0], "eps5": [30.0, 500.0, 30.0]}
     judged = scored(batch, {name: np.array(sets.get(name, 3 * [setup.initial[name]])) for name in setup.box().names})
     distance, lock, slide = judged.stops.distance[0], judged.stops.longest_lock[0][0], judged.stops.slide_time[0][0]
     assert lock[0] > 1.0 > config.longest_lock > lock[2] and slide[0] > lock[0] > config.slide_time > slide[2]
