@@ -73,7 +73,7 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
         delay=np.asarray(setup.driver.delay) + phase,
     )
     loop = _with_brake(dataclasses.replace(loop, driver=driver), Brake(setup.brake.rate_limit, lag, setup.brake.delay))
-    least = np.min([tyre.peak().friction for tyre in tyres_of(road)], axis=0)
+    least = np.min([tyre.peak().friction for tyre in _tyres_of(road)], axis=0)
     horizon = SAFETY_HORIZON * float(np.max(speed / (GRAVITY * least))) + 1.0
     seeds = rng.integers(LARGEST_SEED, size=count)
     noise = rng.uniform(0.0, scatter.noise, count)
@@ -100,14 +100,14 @@ def scattered(setup: Setup, split: Split, *, stand_in: bool = False) -> Batch:
     )
 
 
-def tyres_of(road: Any) -> tuple[Tyre, ...]:
+def _tyres_of(road: Any) -> tuple[Tyre, ...]:
     """Its tyre curves."""
     return road.surfaces if isinstance(road, ChangingRoad) else (road.tyre,)
 
 
 def _with_surfaces(road: Any, around: Callable[[Any, float], Any], scatter: Scatter) -> Any:
     """A road with other tyre curves in every lane; where it changes, its stretches are longer or shorter alike."""
-    surfaces = tuple(jax.tree.map(lambda c: around(c, scatter.curve), tyre) for tyre in tyres_of(road))
+    surfaces = tuple(jax.tree.map(lambda c: around(c, scatter.curve), tyre) for tyre in _tyres_of(road))
     if not isinstance(road, ChangingRoad):
         return UniformRoad(*surfaces)
     scale = around(1.0, scatter.change)

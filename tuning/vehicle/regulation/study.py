@@ -112,12 +112,11 @@ def study_of_errors(
     rows as a file."""
     every: list[dict[str, Any]] = []
     for controller in controllers:
-        lines, title = [], ""
+        lines, title = [], TuningConfig(controller=controller).kind.title
         for told, error in ERRORS.items():
             for which, config in sets_of(controller, **{**entries, **error}).items():
                 screened = {car: screening_of(config, car, figures).rows for car, figures in cars.items()}
                 lines.append({"told": told, "set": which, **_of_cars(screened)})
-                title = config.kind.title
                 every += [
                     {"controller": controller, "set": which, "told": told, **cell}
                     for rows in screened.values()
