@@ -72,7 +72,7 @@ class Batch:
     horizon: float = 10.0
     step: float = 2e-3
     substeps: int = 1
-    max_events: int = 800
+    max_events: int = 1500
     reference: str = "ideal"
     delay: float | None = None
     """between a controller that predicts and the brake, s"""

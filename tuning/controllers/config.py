@@ -156,7 +156,7 @@ class TuningConfig(SearchConfig):
     known: Annotated[tuple[Values, ...], Field(max_length=LONGEST)] = ()
     step: Positive | None = None
     substeps: Count | None = None
-    max_events: Count = 800
+    max_events: Count = 1500
     sampled_period: Positive = 1e-3
     setting: Literal["located", "sampled", "chain"] = "located"
     chain: Literal["edges", "window", "settled"] = "edges"
