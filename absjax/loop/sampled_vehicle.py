@@ -180,7 +180,8 @@ class SampledVehicle:
         estimator, accelerations = unit.speed, self._told_accelerations(time, loop)
         if self.speed is not None:
             rims = tuple(signals.radius * signals.wheel_speed for signals in measured)
-            estimator = self.speed.update(estimator, accelerations[0], rims, period)
+            pressures = tuple(signals.pressure for signals in measured)
+            estimator = self.speed.update(estimator, accelerations[0], rims, period, pressures)
         measured, accelerations = self._with_speed(measured, accelerations, estimator)
         samples = tuple(map(Sample.of, self.loop.of_channels(measured, parts)))
         channels = self.loop.fitted_to_load(accelerations, parts)

@@ -29,7 +29,14 @@ class SpeedEstimator(Protocol):
         """
         ...
 
-    def update(self, state: Any, acceleration: Any, rims: tuple[Any, ...], period: Any) -> Any:
+    def update(
+        self,
+        state: Any,
+        acceleration: Any,
+        rims: tuple[Any, ...],
+        period: Any,
+        pressures: tuple[Any, ...] | None = None,
+    ) -> Any:
         """State at a sample, `period` [s] after that of the state.
 
         Args:
@@ -37,6 +44,7 @@ class SpeedEstimator(Protocol):
             acceleration: as the accelerometer tells it [m/s^2].
             rims: rim speeds R w of the wheels [m/s].
             period: since the last sample [s].
+            pressures: of the brakes of the wheels [bar], who can tell wheels that are not braked; None: not told.
         """
         ...
 

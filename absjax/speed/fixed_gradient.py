@@ -38,7 +38,7 @@ class FixedGradient:
         """The reference is the speed."""
         return speed
 
-    def update(self, state, acceleration, rims, period):
+    def update(self, state, acceleration, rims, period, pressures=None):
         """State at a sample."""
         rim = told(self, rims, self.wheel + 1)[-1]
         return jnp.maximum(jnp.maximum(rim, state - period * self.gradient), self.least)

@@ -9,14 +9,15 @@ Between samples, with P the covariance and T the period,
 
 and at a sample one scalar update for each wheel, the innovation e_i = z_i - v, its variance P_vv + R_i:
 
-    R_i = r^2 (1 + x_i)^2,     x_i = s e_i^2 / (k^2 (P_vv + r^2)) + ((R w_i' - a^) / A)^2,     s = (1 + (u / a^)^4)^-2
+    R_i = r^2 (1 + x_i)^2,     x_i = s_i e_i^2 / (k^2 (P_vv + r^2)) + ((R w_i' - a^) / A)^2
+    s_i = (1 + (u / a^)^4)^-2 (1 + (p / P_i)^4)^-2     P_i: pressure of the wheel's brake, where it is told
 
 x_i says that a wheel slips: by its innovation, in standard deviations k of those below and of those above the estimate,
 and by its own acceleration. A wheel that rolls has x_i near zero; one that slips is hardly counted, and the estimate
 coasts on the accelerometer. While it coasts P_vv grows, and with it what is taken for rolling, so that the wheels are
-found again. s is near zero where the car hardly brakes: wheels that turn steadily there roll, however far they are from
-the estimate. Without it an estimate that has come to lie above the speed, by more than the slip that control aims at,
-stays there: the wheels are let go of, roll, and count as slipping.
+found again. s_i is near zero where the car hardly brakes, or the wheel's brake is released: a wheel that turns steadily
+there rolls, however far it is from the estimate. Without it an estimate that has come to lie above the speed, by more
+than the slip that control aims at, stays there: the wheels are let go of, roll, and count as slipping.
 
 Rims lie below the speed while a car brakes: what lies above tells more. c is the slip of a braked wheel over the
 deceleration, zero where it is neglected. A wheel that control has let go of rolls without that slip: z_i is nearest to
@@ -78,6 +79,7 @@ class KalmanSpeed:
     unbraked: Any = parameter(
         "u, deceleration below which no wheel slips, m/s^2", default=0.3, span=(0.05, 10.0), **TUNED
     )
+    released: Any = parameter("p, pressure below which a brake is released, bar", default=1.0, low=0.0, open_low=True)
     slip: Any = parameter(
         "c, slip over deceleration, s^2/m", default=0.003, low=0.0, high=0.05, trainable=True, span=(0.0, 0.03)
     )
@@ -96,7 +98,7 @@ class KalmanSpeed:
         variances = self.rim_noise**2 + zero, zero, self.bias_deviation**2 + zero
         return KalmanState(speed, zero, *variances, listened_to)
 
-    def update(self, state: KalmanState, acceleration, rims, period) -> KalmanState:
+    def update(self, state: KalmanState, acceleration, rims, period, pressures=None) -> KalmanState:
         """State at a sample."""
         car = acceleration - state.bias
         speed, bias = state.speed + period * car, state.bias
@@ -104,9 +106,10 @@ class KalmanSpeed:
         variance = variance + period * self.speed_drift**2
         covariance = state.covariance - period * state.bias_variance
         bias_variance = state.bias_variance + period * self.bias_drift**2
+        braked = (1.0,) * len(rims) if pressures is None else tuple(map(self.brakes, pressures))
         measured = [
-            (z, self.rim_variance(z - speed, change - car, variance, car), lagged)
-            for z, change, lagged in self._measured(state, speed, car, rims, period)
+            (z, self.rim_variance(z - speed, change - car, variance, car, by_brake), lagged)
+            for z, change, lagged, by_brake in self._measured(state, speed, car, rims, period, braked)
         ]
         for z, noise, _ in measured:
             innovation, total = z - speed, variance + noise
@@ -116,14 +119,18 @@ class KalmanSpeed:
         lagged = tuple(lagged for *_, lagged in measured)
         return KalmanState(jnp.maximum(speed, self.least), bias, variance, covariance, bias_variance, lagged)
 
-    def _measured(self, state: KalmanState, speed, car, rims, period):
-        """Of each wheel the speed it tells, the acceleration of its rim, and its speed behind the lag."""
-        for rim, lagged in zip(rims, state.lagged):
-            braked = (1 - self.slip * car) * rim
-            nearest = jnp.clip(speed, jnp.minimum(rim, braked), jnp.maximum(rim, braked))
-            yield nearest, *rim_acceleration(rim, lagged, self.lag, period)
+    def _measured(self, state: KalmanState, speed, car, rims, period, braked):
+        """Of each wheel the speed it tells, the acceleration of its rim, its speed behind the lag, s_i of its brake."""
+        for rim, lagged, by_brake in zip(rims, state.lagged, braked):
+            slipping = (1 - by_brake * self.slip * car) * rim
+            nearest = jnp.clip(speed, jnp.minimum(rim, slipping), jnp.maximum(rim, slipping))
+            yield nearest, *rim_acceleration(rim, lagged, self.lag, period), by_brake
 
-    def rim_variance(self, innovation, change, variance, car):
+    def brakes(self, pressure):
+        """What s_i has of the pressure P_i [bar]."""
+        return (pressure**4 / (pressure**4 + self.released**4)) ** 2
+
+    def rim_variance(self, innovation, change, variance, car, by_brake=1.0):
         """R_i [m^2/s^2] of a wheel.
 
         Args:
@@ -131,9 +138,10 @@ class KalmanSpeed:
             change: acceleration of the rim less that of the car [m/s^2].
             variance: P_vv before the sample [m^2/s^2].
             car: a^, acceleration of the car [m/s^2].
+            by_brake: what s_i has of its pressure.
         """
         deviations = jnp.where(innovation < 0, self.below, self.above)
-        braked = (car**4 / (car**4 + self.unbraked**4)) ** 2
+        braked = by_brake * (car**4 / (car**4 + self.unbraked**4)) ** 2
         slips = (
             braked * innovation**2 / (deviations**2 * (variance + self.rim_noise**2)) + (change / self.deviation) ** 2
         )

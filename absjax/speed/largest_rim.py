@@ -20,7 +20,7 @@ class LargestRim:
         """The speed."""
         return speed
 
-    def update(self, state, acceleration, rims, period):
+    def update(self, state, acceleration, rims, period, pressures=None):
         """State at a sample."""
         told(self, rims, 1)
         return jnp.maximum(jnp.max(jnp.stack(rims)), self.least)

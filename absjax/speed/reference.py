@@ -77,7 +77,7 @@ class ReferenceSpeed:
         """The reference is the speed."""
         return ReferenceState(speed, speed)
 
-    def update(self, state: ReferenceState, acceleration, rims, period) -> ReferenceState:
+    def update(self, state: ReferenceState, acceleration, rims, period, pressures=None) -> ReferenceState:
         """State at a sample."""
         told(self, rims, self.rank)
         falls = jnp.maximum(-acceleration, 0.0) + self.margin

@@ -223,6 +223,27 @@ def test_an_estimate_too_high_to_believe_its_wheels_finds_them_where_the_car_doe
     assert abs(found[-1] - 15.0) < 0.05 and lost[-1] > 20.0 and braking[-1] == pytest.approx(18.0, abs=0.1)
 
 
+def test_a_released_wheel_that_turns_steadily_takes_the_estimate_to_its_rim_where_pressures_are_told():
+    """However far it is below, but not while it spins up, nor at a pressure that may hold it at a slip."""
+    estimator, truth = KalmanSpeed(bias_deviation=0.02), 15.0 - 4.0 * PERIOD * np.arange(40)
+    spun_up = np.maximum(np.arange(40) - 19, 0) * 50.0 * PERIOD
+
+    def error_of(rear, pressure):
+        def body(state, sample):
+            rims, released = sample
+            told = None if pressure is None else (60.0, jnp.where(released, pressure, 60.0))
+            return estimator.update(state, -4.0, tuple(rims), PERIOD, told), None
+
+        rims = np.stack([0.8 * truth, rear], axis=1)
+        begun = estimator.initial_state(jnp.asarray(20.0), 2)
+        end, _ = jax.lax.scan(body, begun, (rims, np.arange(40) >= 20))
+        return float(end.speed) - truth[-1]
+
+    assert abs(error_of(truth, 0.0)) < 0.6
+    assert min(error_of(truth, pressure) for pressure in (None, 8.0)) > 4.9
+    assert error_of(truth - 10.0 + spun_up, 0.0) > 4.0
+
+
 def test_accelerometer():
     time, braking = PERIOD * np.arange(4000), np.full(4000, -6.0)
     drawn = np.asarray(Accelerometer(noise=0.2, seed=3).measure(braking, time)) + 6.0
