@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from absjax.contracts import require_contract
-from absjax.controllers import BASELINES, CONTROLLERS, PREDICTIVE
+from absjax.controllers import BASELINES, CONTROLLERS, FOR_CARS, PREDICTIVE
 from absjax.controllers.base import Controller
 from absjax.observers import OBSERVERS
 from absjax.observers.base import Design, Observer
@@ -121,7 +121,7 @@ TABLE = {
     **{f"plant {name}": plant(kind) for name, kind in PLANTS.items()},
     **{
         f"controller {name}": with_defaults(kind, Controller, of_a_controller)
-        for name, kind in {**CONTROLLERS, **BASELINES, **PREDICTIVE}.items()
+        for name, kind in {**CONTROLLERS, **FOR_CARS, **BASELINES, **PREDICTIVE}.items()
     },
     **{f"observer {name}": with_defaults(kind, Design, of_an_observer) for name, kind in OBSERVERS.items()},
     **{
@@ -141,7 +141,8 @@ COMPILED = {id(component): jax.jit(partial(numbers, component)) for component in
 
 
 def test_every_registered_component_is_in_the_table():
-    assert len(TABLE) == sum(map(len, (TYRES, PLANTS, CONTROLLERS, BASELINES, PREDICTIVE, OBSERVERS, SPEED_ESTIMATORS)))
+    controllers = CONTROLLERS, FOR_CARS, BASELINES, PREDICTIVE
+    assert len(TABLE) == sum(map(len, (TYRES, PLANTS, *controllers, OBSERVERS, SPEED_ESTIMATORS)))
 
 
 @every

@@ -7,6 +7,7 @@ from absjax.controllers.no_control import NoControl
 from absjax.controllers.predictive_tracking import PredictiveTracking
 from absjax.controllers.predictive_two_phase import PredictiveTwoPhase
 from absjax.controllers.production import ProductionLogic
+from absjax.controllers.rolling_slip import RollingSlip
 from absjax.controllers.slip import SlipControl
 from absjax.controllers.stiffness import StiffnessControl
 from absjax.controllers.tracking import AccelerationTracking
@@ -27,6 +28,11 @@ BASELINES: dict[str, type[Controller]] = {
     "no_control": NoControl,
 }
 """By name, those with nothing to tune."""
+
+FOR_CARS: dict[str, type[Controller]] = {
+    "rolling_slip": RollingSlip,
+}
+"""By name, those for cars, whose other wheels brake while one does not."""
 
 PREDICTIVE: dict[str, type[Controller]] = {
     "predictive_tracking": PredictiveTracking,

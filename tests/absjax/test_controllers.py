@@ -15,6 +15,7 @@ import pytest
 from absjax.controllers.bosch import BoschLogic
 from absjax.controllers.five_phase import FivePhase
 from absjax.controllers.production import ProductionLogic
+from absjax.controllers.rolling_slip import RollingSlip
 from absjax.controllers.slip import SlipControl
 from absjax.controllers.stiffness import StiffnessControl
 from absjax.controllers.tracking import AccelerationTracking
@@ -143,6 +144,15 @@ def slip_edges(mode, s, kept, p):
     return [*driver_edge(mode, s, kept, p), *([(1.5 * p.slip - s.slip, 1)] if mode == 0 else [])]
 
 
+def rolling_rate(mode, s, kept, p):
+    return -1e4 if mode == 2 else slip_rate(mode, s, kept, p)
+
+
+def rolling_edges(mode, s, kept, p):
+    spent = s.t - kept[0]
+    return slip_edges(mode, s, kept, p) if mode == 0 else [(spent - (p.rolls_every, p.roll_time)[mode - 1], 3 - mode)]
+
+
 def bosch_rate(mode, s, kept, p):
     return [0.0, 0.0, -p.release, 0.0, p.apply, 0.0, p.step, 0.0][mode] / s.rim
 
@@ -240,6 +250,14 @@ CASES = {
     ),
     "continuous slip": Case(SlipControl(), slip_rate, slip_edges, nothing, "slip", {(0, 1)}),
     "continuous slip, begun by slip": Case(SlipControl(eps0=1e3), slip_rate, slip_edges, nothing, "slip", {(0, 1)}),
+    "wheel slip, let roll": Case(
+        RollingSlip(rolls_every=0.15, roll_time=0.004),
+        rolling_rate,
+        rolling_edges,
+        nothing,
+        "roll_time",
+        {(0, 1), (1, 2), (2, 1)},
+    ),
     "eight-phase": Case(BOSCH, bosch_rate, bosch_edges, bosch_keep, "release", BOSCH_VISITED, 0.01122, 1.0, 9392.5),
     "production logic": Case(
         PRODUCTION, production_rate, production_edges, nothing, "a2", PRODUCTION_VISITED, 0.008, 0.8, 9e3

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, NamedTuple, Self
 
 from pydantic import BeforeValidator, Field
 
-from absjax.controllers import BASELINES, CONTROLLERS, PREDICTIVE
+from absjax.controllers import BASELINES, CONTROLLERS, FOR_CARS, PREDICTIVE
 from absjax.controllers.base import Controller
 from absjax.observers import OBSERVERS
 from absjax.observers.base import Design
@@ -76,7 +76,7 @@ class TuningConfig(SearchConfig):
     """What to tune, over what, under which limits. JSON keys are the names of the fields, and those of `SearchConfig`.
 
     Attributes:
-        controller: name of the controller, in `absjax.controllers.CONTROLLERS` or `PREDICTIVE`, or
+        controller: name of the controller, in `absjax.controllers.CONTROLLERS`, `FOR_CARS` or `PREDICTIVE`, or
             `package.module:Class`.
         observer: name of the observer that tells it XBS, in `absjax.observers.OBSERVERS`, or as above; None tells it
             the true one.
@@ -245,7 +245,9 @@ class TuningConfig(SearchConfig):
     @property
     def kind(self) -> type[Controller]:
         """Class of the controller to tune."""
-        return component("controller", self.controller, {**CONTROLLERS, **BASELINES, **PREDICTIVE}, Controller)
+        return component(
+            "controller", self.controller, {**CONTROLLERS, **FOR_CARS, **BASELINES, **PREDICTIVE}, Controller
+        )
 
     @property
     def predicts(self) -> bool:

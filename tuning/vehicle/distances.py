@@ -23,7 +23,7 @@ from tuning.controllers.setup import Setup
 from tuning.core.components import initial
 from tuning.core.roads import Surfaces
 
-CONTROLLERS = "five_phase", "two_phase", "slip", "bosch", "production"
+CONTROLLERS = "five_phase", "two_phase", "slip", "rolling_slip", "bosch", "production"
 """Those of tables; two-phase goes by the true XBS here."""
 TO_STOP_KMH = 15.0
 """Below this speed relaxed tyres and a control unit's tick leave little to control."""
@@ -107,7 +107,9 @@ def sets_of(controller: str, axles: bool) -> dict[str, dict[str, float]]:
         axles: whether each axle has its own; a set of one wheel is then that of both.
     """
     kind = TuningConfig(controller=controller).kind
-    found = {"untuned": initial(kind, {}), "quarter car": initial(kind, tuned_sets()[controller].start)}
+    found, of_a_wheel = {"untuned": initial(kind, {})}, tuned_sets().get(controller)
+    if of_a_wheel is not None:
+        found["quarter car"] = initial(kind, of_a_wheel.start)
     prefixes = AXLES if axles else ("",)
     spread = {name: {p + n: v for p in prefixes for n, v in values.items()} for name, values in found.items()}
     on_car = car_sets().get(controller)

@@ -34,7 +34,7 @@ SCATTERED: dict[str, Any] = {
 }
 """Conditions of drawn stops besides those of `tuning.controllers.config.Scatter`: bias, error of scale and slope are
 normal."""
-ON_CHANGING = "five_phase", "slip"
+ON_CHANGING = "five_phase", "slip", "rolling_slip"
 """Controllers with a set of three cars, which are judged on roads that change as well."""
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from absjax.controllers import CONTROLLERS
+from absjax.controllers import CONTROLLERS, FOR_CARS
 from tuning.cars.car import CarFigures
 from tuning.cars.entry import VehicleEntry
 from tuning.controllers.config import TuningConfig
@@ -18,7 +18,7 @@ from tuning.vehicle.regulation.screening import SPLIT, UTILISED, Row
 from tuning.vehicle.regulation.tasks import cells_of, screening_of
 
 NONE = "no_control"
-NAMES = *CONTROLLERS, NONE
+NAMES = *CONTROLLERS, *FOR_CARS, NONE
 
 
 def chosen(names: Sequence[str] | None) -> tuple[str, ...]:
