@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from absjax.lanes import taken
-from absjax.loop.stop import Outcome
+from absjax.loop.stop import Outcome, stop
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.observers.base import Sample
 from absjax.observers.clamped import Clamped
@@ -244,3 +244,20 @@ def test_controllers_of_two_axles_are_not_given_as_one():
     with pytest.raises(ValueError, match="a controller for each axle"):
         _ = result.controller
     assert result.setup.controller(result.parameters, 1).eps0 == 77.0
+
+
+def test_rear_wheels_that_roll_now_and_then_keep_the_estimate_of_a_car_that_comes_to_a_slope():
+    """Up or down: of wheels held at a slip all the way, nothing tells the unit of the 0.6 m/s^2."""
+    vehicle = {"car": "small", "sets": "own", "speed": "kalman"}
+    found = {}
+    for slope in (-0.6, 0.6):
+        config = {"controller": "rolling_slip", "vehicle": {**vehicle, "accelerometer_slope": slope}}
+        setup = Setup.of(TuningConfig.from_json({**config, "roads": ["snow"], "speeds_kmh": [45.0]}))
+        batch = batch_of(setup)
+        rolls = {"rear.rolls_every": np.array([0.5, 60.0]), "rear.roll_time": np.full(2, 0.2)}
+        lanes = loop_of_lanes(batch.loop, rolls, batch.rows)
+        unit = in_control_unit(lanes, 1, 1, 1e-3, None, batch.speedometer)
+        ended = stop(unit, 12.5, horizon=3.0, step=1e-3).rollout.state
+        found[slope] = np.asarray(ended.unit.speed.speed / ended.loop.vehicle.speed) - 1
+    assert all(np.abs(one[0]) < 0.05 for one in found.values()), found
+    assert found[-0.6][1] < -0.15 and found[0.6][1] > 0.15, found
