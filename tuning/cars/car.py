@@ -46,7 +46,7 @@ class Load(Entries):
 
 
 def _load(value: Any) -> Any:
-    return Load.from_json(value) if isinstance(value, Mapping) else value
+    return value if isinstance(value, Load) else Load.from_json(value)
 
 
 OneLoad = Annotated[Any, BeforeValidator(_load)]

@@ -49,6 +49,14 @@ FEWEST, MOST = 1, 20
 """Cars of a configuration."""
 
 
+def _loads(value: Any) -> Any:
+    loads = tuple(value) if isinstance(value, list | tuple) else (value,)
+    sound = len(loads) > 0 and all(isinstance(load, bool) for load in loads)
+    if not sound:
+        raise ConfigError("must be true, false or both")
+    return loads if isinstance(value, list | tuple) else value
+
+
 def _cars(value: Any) -> Any:
     return tuple(map(car_entry, value)) if isinstance(value, list | tuple) else car_entry(value)
 
@@ -82,7 +90,7 @@ class VehicleEntry(Entries):
 
     car: Annotated[Any, BeforeValidator(_cars)] = dataclasses.field(default_factory=lambda: car_entry("mid_size"))
     model: Text = "two_axle"
-    laden: Flag | tuple[Flag, ...] = False
+    laden: Annotated[Any, BeforeValidator(_loads)] = False
     wiring: Text = "independent"
     sets: Text = "one"
     follows_load: Flag = True
@@ -109,7 +117,6 @@ class VehicleEntry(Entries):
         require("vehicle.car", len(self.cars), FEWEST <= len(self.cars) <= MOST, f"{FEWEST} to {MOST} cars")
         for entry, several in (("car", self.cars), ("laden", self.loads)):
             require(f"vehicle.{entry}", len(several), all(several.count(one) == 1 for one in several), "each once")
-        require("vehicle.laden", self.loads, len(self.loads) > 0, "true, false or both")
         self.speedometer()
 
     @property

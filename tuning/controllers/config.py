@@ -68,7 +68,7 @@ Speeds = Annotated[tuple[Positive, ...], Field(min_length=1, max_length=LONGEST)
 
 
 def _vehicle(value: Any) -> VehicleEntry | None:
-    return VehicleEntry.from_json(value) if isinstance(value, Mapping) else value
+    return value if value is None or isinstance(value, VehicleEntry) else VehicleEntry.from_json(value)
 
 
 @config

@@ -3,15 +3,19 @@
 import dataclasses
 import difflib
 from collections.abc import Mapping
-from typing import Annotated, Any, Self, TypeVar, dataclass_transform
+from typing import Annotated, Any, Self, TypeVar, dataclass_transform, get_type_hints
 
 import pydantic
 import pydantic.dataclasses
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, TypeAdapter
 
 T = TypeVar("T")
 LONGEST = 1000
 """Most entries of a list, and characters of a name."""
+KINDS = {"string": "name", "number": "number"}
+"""What entries that have to be given are, by the word of a JSON schema."""
+LENGTHS = {"too_short": "{min_length} entries at least", "too_long": "{max_length} entries at most"}
+"""What a list must have, by the type of the error."""
 
 
 class ConfigError(ValueError):
@@ -74,30 +78,48 @@ def config(cls: type[T]) -> type[T]:
         try:
             plain(self, *arguments, **entries)
         except pydantic.ValidationError as error:
-            raise ConfigError(said(error)) from None
+            raise ConfigError(said(error, cls)) from None
 
     checked.__init__ = __init__
     return checked
 
 
-def said(error: pydantic.ValidationError) -> str:
-    """What of the entries cannot be used, in a line; of a list not that it is short without them."""
+def said(error: pydantic.ValidationError, cls: type | None = None) -> str:
+    """What of the entries cannot be used, in a line; of a list not that it is short without them.
+
+    Args:
+        cls: whose fields the entries are, which tells what a missing one should be.
+    """
     found = error.errors()
     within = {one["loc"][:-1] for one in found}
     told = [one for one in found if one["type"] != "too_short" or one["loc"] not in within]
-    return "; ".join(map(_sentence, told[:5]))
+    return "; ".join(_sentence(one, cls) for one in told[:5])
 
 
-def _sentence(error: Any) -> str:
+def _sentence(error: Any, cls: type | None) -> str:
     """A pydantic error as a sentence that names the entry."""
     cause = error.get("ctx", {}).get("error")
     entry = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in error["loc"]).lstrip(".")
     if not entry:
         return str(cause or error["msg"])
-    message = str(cause) if cause is not None else error["msg"].replace("Input should be", "must be")
     if error["type"] == "unexpected_keyword_argument":
         return f"configuration: {entry!r} is unknown"
-    return f"{entry} = {shown(error['input'])}: {message}"
+    if error["type"] == "missing":
+        return f"{entry} is missing" + (_wanted(cls, entry) if cls else "")
+    message = error["msg"].replace("Input should be", "must be").replace("a valid tuple", "a list")
+    if error["type"] in LENGTHS:
+        message = f"must have {LENGTHS[error['type']].format(**error['ctx'])}, not {error['ctx']['actual_length']}"
+    return f"{entry} = {shown(error['input'])}: {cause or message}"
+
+
+def _wanted(cls: type, entry: str) -> str:
+    """What a field should be, as its type has it; nothing where that allows anything."""
+    hints = get_type_hints(cls, include_extras=True)
+    schema = TypeAdapter(hints[entry]).json_schema() if entry in hints else {}
+    kind, each = KINDS.get(schema.get("type", "")), KINDS.get(schema.get("items", {}).get("type", ""))
+    if schema.get("type") == "array":
+        return ", a list" + (f" of {each}s" if each else "")
+    return f", a {kind}" if kind else ""
 
 
 def shown(value: Any) -> str:

@@ -72,9 +72,11 @@ class Surfaces(Entries):
     speeds_kmh: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=LONGEST)] | None = None
 
     def __post_init__(self):
+        count = len(self.surfaces) - 1
+        one_each = f"{count} place{'' if count == 1 else 's'}, one between each two of the {count + 1} surfaces"
+        require("changes", self.changes, len(self.changes) == count, one_each if count else "empty: one surface")
         rises = sorted(set(self.changes)) == list(self.changes) and min(self.changes, default=1.0) > 0
-        if len(self.changes) != len(self.surfaces) - 1 or not rises:
-            raise ConfigError(f"{name_of(self)} must have a change between each two surfaces, in order, above 0")
+        require("changes", self.changes, rises, "above 0, each beyond the one before")
 
 
 def road_entry(value: Any) -> Any:
