@@ -8,7 +8,7 @@ import typer
 
 from tuning.controllers.about import ABS_SETS, ABS_STUDY, DEMO, GRADIENT_STUDY, SETTING_STUDY, TUNE_ABS
 from tuning.core.command import Force, Out, Resume, carry_out, journal_path, tune, tuned
-from tuning.core.terminal import bar, console
+from tuning.core.terminal import bar, console, say_step
 
 
 def tune_abs(
@@ -50,7 +50,7 @@ def run_of(config, out: Path, title: str) -> Any:
         from tuning.core.files import write_json
         from tuning.core.report import Report
 
-        result = tune_abs(config, progress=progress, journal=journal)
+        result = tune_abs(config, progress=progress, journal=journal, say=say_step)
         lines = [parameter_line(result), cycles_line(result)]
         lines += ["* on its limit"] if result.on_limit else []
         if config.vehicle is not None and config.vehicle.regulation:
@@ -58,6 +58,7 @@ def run_of(config, out: Path, title: str) -> Any:
             cars = ", ".join(map(name_of_car, config.vehicle.cars))
             lines.append(f"screened on {cars}, unladen and laden: {len(breached) or 'no'} rows breached")
         warnings = [f"warning: {warning}" for warning in result.warnings]
+        say_step("figures")
         files = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
         tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}
         if result.splits:

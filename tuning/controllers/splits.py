@@ -1,7 +1,7 @@
 """What a set is worth in conditions drawn apart: those it was tuned on, those it was chosen by, and further ones."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
@@ -68,7 +68,12 @@ def _of(found: Scored, split: Split, which: str, i: int, batch: Batch) -> SplitF
     )
 
 
-def all_splits(setup: Setup, sets: Mapping[str, Mapping[str, float]]) -> list[SplitFigures]:
-    """Sets by name in all splits of a setup."""
-    grid = setup.sampled_grid()
-    return [row for split in SPLITS for row in figures_of(scattered(setup, split), split, sets, grid)]
+def all_splits(
+    setup: Setup, sets: Mapping[str, Mapping[str, float]], say: Callable[[str], None] = lambda text: None
+) -> list[SplitFigures]:
+    """Sets by name in all splits of a setup; each is told of before its stops are made."""
+    grid, rows = setup.sampled_grid(), []
+    for split in SPLITS:
+        say(f"{split} draws")
+        rows += figures_of(scattered(setup, split), split, sets, grid)
+    return rows

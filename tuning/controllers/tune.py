@@ -1,5 +1,7 @@
 """An anti-lock controller tuned over a batch of roads, speeds and pedals: its problem, the fit, and the result."""
 
+from collections.abc import Callable
+
 import jax
 import numpy as np
 
@@ -24,7 +26,11 @@ WHICH = ("untuned", "tuned")
 
 
 def tune_abs(
-    config: TuningConfig, *, progress: Progress = lambda i, n, cost: None, journal: Journal | None = None
+    config: TuningConfig,
+    *,
+    progress: Progress = lambda i, n, cost: None,
+    journal: Journal | None = None,
+    say: Callable[[str], None] = lambda text: None,
 ) -> TuningResult:
     """Tune a controller as the configuration says.
 
@@ -32,6 +38,7 @@ def tune_abs(
         config: what to tune.
         progress: called with iteration, iterations and the best cost so far.
         journal: where evaluations are kept, to go on from.
+        say: told of every step in which what the search found is judged.
 
     Raises:
         ConfigError: naming the entry that cannot be used.
@@ -40,16 +47,22 @@ def tune_abs(
     fitted = fit(problem, config, progress=progress, journal=journal)
     parameters, splits = problem.setup.initial | fitted.values, []
     if config.setting != "located":
-        splits = all_splits(problem.setup, {"untuned": problem.setup.initial, "tuned": parameters})
-    rows = score(problem, parameters)
-    breached = [] if problem.regulation is None else problem.regulation.warnings(parameters)
+        splits = all_splits(problem.setup, {"untuned": problem.setup.initial, "tuned": parameters}, say)
+    rows, breached = score(problem, parameters, say), []
+    if problem.regulation is not None:
+        say("screening after the regulation")
+        breached = problem.regulation.warnings(parameters)
+    say("lengths of the phases")
+    short = short_phases(problem.setup, problem.batch, parameters)
+    if config.vehicle is None:
+        say("limit cycles")
     return TuningResult(
         parameters=parameters,
         rows=rows,
         splits=splits,
         warnings=[
             *lifting(config.vehicle, config.roads),
-            *short_phases(problem.setup, problem.batch, parameters),
+            *short,
             *unstable_stops(rows),
             *of_another_step(rows),
             *worse_apart(splits),
@@ -64,12 +77,16 @@ def tune_abs(
     )
 
 
-def score(problem: ControllerProblem | RunningProblem, parameters: dict[str, float]) -> list[ResultRow]:
+def score(
+    problem: ControllerProblem | RunningProblem, parameters: dict[str, float], say: Callable[[str], None]
+) -> list[ResultRow]:
     """The stops of the configured start and of tuned parameters, located, and those sampled."""
     setup, batch = problem.setup, problem.batch
     tuned = {name: parameters[name] for name in problem.box.names}
     both = {name: np.array([setup.initial[name], value]) for name, value in tuned.items()}
+    say("stops on every road from every speed, located and sampled")
     located, sampled = scored(batch, both), scored(batch, both, *setup.sampled_grid())
+    say("the same at half the grid step")
     halved, growths = at_half_step(batch, tuned)
     another = differs(jax.tree.map(lambda leaf: leaf[:, 1], located.stops), halved)
     vehicle = setup.config.vehicle

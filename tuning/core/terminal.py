@@ -22,6 +22,11 @@ def say(text: str) -> None:
     console.print(text, soft_wrap=True)
 
 
+def say_step(text: str) -> None:
+    """Say what a command is doing."""
+    say(f"  {text} ...")
+
+
 @contextlib.contextmanager
 def clear_errors(source: Path | None = None) -> Iterator[None]:
     """What the user can mend is said in a line, without a traceback; of a configuration with its file, `source`."""
