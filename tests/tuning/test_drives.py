@@ -78,7 +78,7 @@ def test_every_braking_of_a_drive_has_its_road(tmp_path, monkeypatch):
     (rows,) = (table for title, table in report.tables.items() if "friction" in title)
     assert [row["braking"] for row in rows] == ["1", "2"] and report.verdict == "sound"
     assert any("braking 3 tells no road" in line for line in report.lines)
-    assert [path.name for path in report.files] == ["result.json", "braking_1", "braking_2"]
+    assert [path.name for path in report.written] == ["braking_1", "braking_2", "result.json"]
     for number, (title, log) in enumerate(zip(titles, logs), 1):
         assert title == f"drive.csv, braking {number}, {log.time[0]:.2f} to {log.time[-1]:.2f} s"
     with pytest.raises(LogError, match="1 brakings, and none tells a road; braking 3: a gap"):

@@ -1,7 +1,5 @@
 """Edges as pickups give them: speed and acceleration against the motion they were made of, and what is refused."""
 
-import json
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -158,8 +156,7 @@ def test_compensation_that_makes_worse_is_switched_off(tmp_path, monkeypatch):
     chain = edge_chain(48, 15, 4)
     worse = lambda study, signal, compensated, teeth: 1.0 + (compensated and signal == "speed")  # noqa: E731
     monkeypatch.setattr(tasks, "periodic_part", worse)
-    tasks.study_edges(study, tmp_path, chain, 1e-3)
-    result = json.loads((tmp_path / "result.json").read_text())
+    result = tasks.study_edges(study, tmp_path, chain, 1e-3).results[tmp_path / "result.json"]
     table = pd.read_csv(tmp_path / "wheel_speed.csv")
     assert result["verdict"] == study.verdict and "compensation of the speed made it worse" in str(result["notes"])
     assert (table.compensated_wheel_speed_rad_s == table.measured_wheel_speed_rad_s).all()

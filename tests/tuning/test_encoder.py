@@ -10,7 +10,6 @@ import pytest
 from absjax.encoder.encoder import Encoder
 from absjax.loop.ideal import ideal_distance
 from tuning.core.config import ConfigError
-from tuning.core.files import read_json
 from tuning.core.journal import Journal
 from tuning.encoder import imperfections
 from tuning.encoder.analysis import order_spectrum, study_log
@@ -99,7 +98,7 @@ def test_published_ratios(name, least):
 
 def test_tuning_its_costs_and_gradients_and_what_it_writes(tmp_path):
     report = tune(SMALL, tmp_path, lambda i, n, cost: None, Journal())
-    data = read_json(tmp_path / "result.json")
+    data = json.loads(json.dumps(report.results[tmp_path / "result.json"]))
     result = EncoderResult.from_json(data)
     assert json.loads(json.dumps(result.to_json())) == data
     assert {path.name for path in report.files} == {path.name for path in tmp_path.iterdir()}

@@ -2,7 +2,6 @@
 
 import base64
 import importlib
-import json
 import re
 import sys
 from html.parser import HTMLParser
@@ -62,16 +61,16 @@ def written(tmp_path_factory):
     axes.plot([0, 1])
     picture = save(figure, folder / "curve.png")
     config = {"seed": 7, "low": float("nan"), "high": float("inf"), "log": NAME}
-    (folder / "result.json").write_text(json.dumps({"config": config}))
     rows = [{"log": NAME, "value": float("nan"), "count": i, NAME: None} for i in range(MOST_ROWS + 5)]
     report = Report(
         {f"errors: {NAME}": rows, "one": [{"x": float("-inf"), "told": True}]},
         [f"log: {NAME}"],
-        [folder / "result.json", picture],
+        [picture],
         verdict="doubtful",
         reasons=[f"{NAME}: drifts"],
         warnings=[f"warning: {NAME}"],
         seeds={"noise": 3},
+        results={folder / "result.json": {"config": config}},
     )
     report = report._replace(files=[*report.files, *write_tables(report, folder / "tables")])
     path = folder / "report.html"

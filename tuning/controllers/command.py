@@ -47,7 +47,6 @@ def run_of(config, out: Path, title: str) -> Any:
         from tuning.controllers.regulation import BREACHED
         from tuning.controllers.report import cycles_line, parameter_line, split_rows, tuning_rows
         from tuning.controllers.tune import tune_abs
-        from tuning.core.files import write_json
         from tuning.core.report import Report
 
         result = tune_abs(config, progress=progress, journal=journal, say=say_step)
@@ -59,12 +58,13 @@ def run_of(config, out: Path, title: str) -> Any:
             lines.append(f"screened on {cars}, unladen and laden: {len(breached) or 'no'} rows breached")
         warnings = [f"warning: {warning}" for warning in result.warnings]
         say_step("figures")
-        files = [write_json(out / "result.json", result.to_json()), *tuning_figures(result, out)]
+        files = tuning_figures(result, out)
         tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}
         if result.splits:
             where = f"{config.setting}, a tick every {1e3 * config.sampled_period:g} ms"
             tables[f"{title}, scattered conditions: {where}"] = split_rows(result)
-        return Report(tables, lines, files, result.interrupted, warnings=warnings)
+        results = {out / "result.json": result.to_json()}
+        return Report(tables, lines, files, result.interrupted, warnings=warnings, results=results)
 
     return run
 

@@ -8,7 +8,8 @@ from typing import Annotated, Any
 import typer
 
 from tuning.core.about import About
-from tuning.core.terminal import INTERRUPTED, bar, clear_errors, print_report, say
+from tuning.core.interruption import INTERRUPTED, interruptible, keeping
+from tuning.core.terminal import bar, clear_errors, print_report, say
 
 __all__ = ["Force", "Out", "Resume", "carry_out", "configuration", "journal_path", "say", "tune", "tuned"]
 
@@ -38,24 +39,42 @@ def carry_out(
         about: what the command says of itself on that page; its help if None.
         source: the file of the configuration, for messages.
     """
-    with clear_errors(source):
+    with clear_errors(source), interruptible():
         from tuning.core.compilation import drop_if_many
-        from tuning.core.files import require_folder
+        from tuning.core.files import require_folder, write_json
         from tuning.core.page import write_page
         from tuning.core.report import write_tables
 
-        inputs, run = work()
-        require_folder(out, inputs, force=force, resume=resume)
-        begun, reports, found = time.monotonic(), [], run()
-        for report in found if isinstance(found, Iterator) else (found,):
-            reports.append(report._replace(files=[*report.files, *write_tables(report, out / "tables")]))
-            print_report(reports[-1])
-            drop_if_many()
-            if report.interrupted:
-                break
-        seconds = time.monotonic() - begun
-        page = write_page(out / "report.html", reports, about, seconds)
-        say(f"done in {seconds:.0f} s; all of it on a page: {page}")
+        begun, reports, page = time.monotonic(), [], out / "report.html"
+
+        def told(*, ended: bool) -> None:
+            write_page(page, reports, about, time.monotonic() - begun, ended=ended)
+
+        try:
+            inputs, run = work()
+            require_folder(out, inputs, force=force, resume=resume)
+            found = run()
+            for report in found if isinstance(found, Iterator) else (found,):
+                reports.append(report._replace(files=[*report.files, *write_tables(report, out / "tables")]))
+                # A run that is killed leaves a result with the page that tells of it, or none.
+                for path in report.results:
+                    path.unlink(missing_ok=True)
+                told(ended=found is report)
+                for path, data in report.results.items():
+                    write_json(path, data)
+                print_report(reports[-1])
+                drop_if_many()
+                if report.interrupted:
+                    break
+            told(ended=True)
+        except KeyboardInterrupt:
+            if reports:
+                reports[-1] = reports[-1]._replace(interrupted=True)
+                told(ended=True)
+            more = f"; what came before is on a page: {page}" if reports else ""
+            say(f"interrupted{more}" + ("; go on with --resume" if journal_path(out).exists() else ""))
+            raise typer.Exit(INTERRUPTED) from None
+        say(f"done in {time.monotonic() - begun:.0f} s; all of it on a page: {page}")
         if reports[-1].interrupted:
             say("interrupted: this is the best there is; go on with --resume")
             raise typer.Exit(INTERRUPTED)
@@ -110,9 +129,25 @@ def tuned(
     from tuning.core.journal import Journal
 
     identity = {"command": command, "config": wanted.to_json(), **(of or {})}
-    journal = Journal(journal_path(out), identity, resume=resume)
-    with bar(f"{command}: {wanted.rounds} iterations and generations, {wanted.starts} starts") as progress:
-        return run(progress, journal)
+    journal, searching = Journal(journal_path(out), identity, resume=resume), True
+
+    def kept() -> str:
+        if not journal.begun:
+            return "nothing is found yet"
+        what = "the best set by then, if there is one, is judged and written" if searching else "no result is written"
+        return f"{what}; every evaluation is kept in {journal.path} for --resume"
+
+    with (
+        keeping(kept),
+        bar(f"{command}: {wanted.rounds} iterations and generations, {wanted.starts} starts") as progress,
+    ):
+
+        def told(done: int, total: int, cost: float) -> None:
+            nonlocal searching
+            searching = done < total
+            progress(done, total, cost)
+
+        return run(told, journal)
 
 
 def journal_path(out: Path) -> Path:

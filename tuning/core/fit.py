@@ -1,7 +1,8 @@
 """One fit for all tuning problems: many starts screened, descended together, and evolution from the best.
 
 Every evaluation is written to a journal as it is made (`tuning.core.journal`), so that a run that ends early loses
-nothing. Interrupted from the keyboard, it returns the best there is.
+nothing. Interrupted from the keyboard, it returns the best there is; before the first iteration there is none, and
+`KeyboardInterrupt` goes on.
 """
 
 import dataclasses
@@ -130,6 +131,8 @@ class _Fit:
         try:
             self._search()
         except KeyboardInterrupt:
+            if not self.descent.history:
+                raise
             interrupted = True
         if self.evolution is not None:
             point, cost = self.evolution.point, self.evolution.cost

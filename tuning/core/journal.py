@@ -40,6 +40,11 @@ class Journal:
                 file.truncate(end)
             self._known, self._identity = iter(records[1:]), None
 
+    @property
+    def begun(self) -> bool:
+        """Whether there is something on disk to go on from."""
+        return self.path is not None and self._identity is None
+
     def evaluate(self, function: Callable[..., Any], *arrays: np.ndarray) -> tuple[np.ndarray, ...]:
         """Arrays `function` makes of arrays: from the journal if it was asked for the same before.
 

@@ -81,7 +81,9 @@ class Part(NamedTuple):
     pictures: list[Picture]
 
 
-def write_page(path: Path, reports: Sequence[Report], about: About | None = None, seconds: float = 0.0) -> Path:
+def write_page(
+    path: Path, reports: Sequence[Report], about: About | None = None, seconds: float = 0.0, *, ended: bool = True
+) -> Path:
     """Write the page of a run; one that is there is replaced.
 
     Args:
@@ -89,11 +91,12 @@ def write_page(path: Path, reports: Sequence[Report], about: About | None = None
         reports: what the run found, in order; their figures are read from `files`.
         about: what the command says of itself; its help if None.
         seconds: how long it took.
+        ended: whether there is no more to come.
     """
     call = CALL.get() or Call("", "", "", {})
     about = about or About(call.command or "report", call.purpose)
-    files = [file for report in reports for file in report.files]
-    configurations = _configurations(files, path.parent)
+    files = [file for report in reports for file in report.written]
+    configurations = _configurations(reports, path.parent)
     text = ENVIRONMENT.get_template("report.html").render(
         about=about,
         call=call,
@@ -104,6 +107,7 @@ def write_page(path: Path, reports: Sequence[Report], about: About | None = None
         verdicts=[report for report in reports if report.verdict is not None],
         warnings=[said for report in reports for said in report.warnings],
         interrupted=any(report.interrupted for report in reports),
+        ended=ended,
         parts=[_part(report, about, path.parent) for report in reports],
         configurations=configurations,
         versions={"absjax": VERSION, "Python": platform.python_version()} | {n: version(n) for n in LIBRARIES},
@@ -158,16 +162,15 @@ def _within(file: Path, folder: Path) -> str:
     return str(file.relative_to(folder) if file.is_relative_to(folder) else file)
 
 
-def _configurations(files: Sequence[Path], folder: Path) -> dict[str, dict[str, Any]]:
+def _configurations(reports: Sequence[Report], folder: Path) -> dict[str, Mapping[str, Any]]:
     """What the results of a run were made with, by result and entry."""
-    found = {}
-    for file in files:
-        if file.name == "result.json":
-            data = json.loads(file.read_text("utf-8"))
-            found |= {
-                f"{key}, of {_within(file, folder)}": data[key] for key in CONFIGURED if isinstance(data.get(key), dict)
-            }
-    return found
+    results = [pair for report in reports for pair in report.results.items()]
+    return {
+        f"{key}, of {_within(file, folder)}": data[key]
+        for file, data in results
+        for key in CONFIGURED
+        if isinstance(data.get(key), dict)
+    }
 
 
 def _seeds(reports: Sequence[Report], configurations: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -30,6 +30,13 @@ class Report(NamedTuple):
     """lines that whoever uses what was found should have read"""
     seeds: Mapping[str, Any] = {}
     """of random numbers, by what is drawn, where no configuration has them"""
+    results: Mapping[Path, Mapping[str, Any]] = {}
+    """what is written as JSON once the page that tells of it is there, by its file"""
+
+    @property
+    def written(self) -> list[Path]:
+        """All its files."""
+        return [*self.files, *self.results]
 
 
 def cell(value: float | None, digits: int = 2) -> str:

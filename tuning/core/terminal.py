@@ -13,8 +13,6 @@ from rich.markup import escape
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
 console = Console(width=None if sys.stdout.isatty() else 140, markup=False, highlight=False)
-INTERRUPTED = 130
-"""Exit status of a run ended from the keyboard."""
 
 
 def say(text: str) -> None:
@@ -75,5 +73,5 @@ def print_report(report: Any) -> None:
         say(f"verdict: {report.verdict}")
     for line in (*(f"  {reason}" for reason in report.reasons), *report.lines, *report.warnings):
         say(line)
-    if report.files:
-        say("written: " + ", ".join(map(str, report.files)))
+    if report.written:
+        say("written: " + ", ".join(map(str, report.written)))

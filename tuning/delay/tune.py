@@ -109,6 +109,8 @@ def tuned_gains(search: GainSearch | None = None) -> list[dict[str, Any]]:
     rows = []
     for label, problem in (("predictor", PredictorGains()), ("loop", LoopGains(search))):
         found: Fitted = fit(problem, search)
+        if found.interrupted:
+            raise KeyboardInterrupt
         start = problem.box.values(problem.given[0])
         for name, values in (("published", start), ("tuned", found.values)):
             gains = ", ".join(f"{k} {float(v):.4g}" for k, v in values.items())

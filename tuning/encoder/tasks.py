@@ -110,12 +110,13 @@ def study_edges(edges: EdgeStudy, out: Path, chain: WheelSpeedChain, period: flo
         "tooth_errors": errors.mean.tolist(),
         "tables": tables,
     }
-    files = [_write_signals(study, edges, out / "wheel_speed.csv"), write_json(out / "result.json", result), *files]
+    files = [_write_signals(study, edges, out / "wheel_speed.csv"), *files]
     if errors.tooth.size:
         files.append(save(figures.tooth_figure(errors), out / "teeth.png"))
     if study.coefficients and rows:
         files.append(save(figures.coefficients_figure(study), out / "coefficients.png"))
-    return Report(tables, notes, files, verdict=verdict, reasons=reasons)
+    results = {out / "result.json": result}
+    return Report(tables, notes, files, verdict=verdict, reasons=reasons, results=results)
 
 
 def _write_signals(study: LogStudy, edges: EdgeStudy, path: Path) -> Path:
@@ -178,13 +179,12 @@ def tune(config: EncoderConfig, out: Path, progress: Progress, journal: Journal)
     ]
     tables = {"held-out encoders [rad/s, rad/s^2]": result.held_out}
     files = [
-        write_json(out / "result.json", result.to_json()),
         write_json(out / "grid.json", {"rows": grid}),
         save(figures.grid_figure(result.grid, measured), out / "events_and_harmonics.png"),
         save(figures.descent_figure(result.history), out / "history.png"),
     ]
     lines = [f"n = {result.events}, M = {result.harmonics} of {len(result.grid)} pairs", f"parameters: {parameters}"]
-    return Report(tables, lines, files, result.interrupted)
+    return Report(tables, lines, files, result.interrupted, results={out / "result.json": result.to_json()})
 
 
 def _measured_costs(config: EncoderConfig) -> dict[int, float]:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from tuning.core.figures import save
-from tuning.core.files import write_json
 from tuning.core.report import Report
 from tuning.core.version import VERSION
 from tuning.logs.brake_log import Reading, reading
@@ -35,14 +34,13 @@ def described(
     radius = float(known.wheel.radius)
     found = reading(log, declarations(columns, channels), start=start, end=end, radius=radius, stated=known.stated)
     result = description(found)
-    files = [
-        write_json(out / "result.json", {**result, "version": VERSION}),
-        save(description_figure(found), out / "description.png"),
-    ]
+    files = [save(description_figure(found), out / "description.png")]
+    results = {out / "result.json": {**result, "version": VERSION}}
     lines = [f"{name}: column {source.channel.name!r} in {source.unit.text}" for name, source in found.sources.items()]
     lines += found.log.notes
     verdict, tables = "doubtful" if found.log.doubts else "nothing looks wrong", _rows(result["signals"])
-    return Report({f"signals: {found.log.name}": tables}, lines, files, verdict=verdict, reasons=found.log.doubts)
+    title, reasons = f"signals: {found.log.name}", found.log.doubts
+    return Report({title: tables}, lines, files, verdict=verdict, reasons=reasons, results=results)
 
 
 def description(found: Reading) -> dict[str, Any]:

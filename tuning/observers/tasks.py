@@ -68,7 +68,6 @@ def _outcome(result: ObserverResult, out: Path, tables, files) -> Report:
     gains = "; ".join(f"{k} ({', '.join(f'{x:.6g}' for x in v)})" for k, v in result.gains.items())
     parameters = ", ".join(f"{k} {v:.5g}" for k, v in result.parameters.items())
     files = [
-        write_json(out / "result.json", result.to_json()),
         write_json(out / "tables.json", tables),
         save(figures.tuning_figure(result.history, result.config.observer), out / "history.png"),
         *files,
@@ -76,7 +75,8 @@ def _outcome(result: ObserverResult, out: Path, tables, files) -> Report:
     certificate = str(certify(observer)) if result.certificate else f"{result.config.observer} offers no certificate"
     verdict, *conditions = map(str.strip, certificate.splitlines())
     lines = [f"parameters: {parameters}", f"gains: {gains}"]
-    return Report(tables, lines, files, result.interrupted, verdict=verdict, reasons=conditions)
+    results = {out / "result.json": result.to_json()}
+    return Report(tables, lines, files, result.interrupted, verdict=verdict, reasons=conditions, results=results)
 
 
 def _pair(result: ObserverResult) -> list[GainSet]:

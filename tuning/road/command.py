@@ -67,7 +67,6 @@ def identified(
     beside=(),
 ) -> Any:
     """Report of the friction curve of a log."""
-    from tuning.core.files import write_json
     from tuning.core.report import Report
     from tuning.logs.brake_log import read_brakings, read_log
     from tuning.logs.car import Car, read_car
@@ -104,9 +103,10 @@ def identified(
         result = identify_together([data, *others], known, tyre, progress=progress)[0]
     else:
         result = identify(data, known, tyre, progress=progress)
-    files = [write_json(out / "result.json", result.to_json()), *identification_figures(result, data, known, out)]
+    files = identification_figures(result, data, known, out)
     title = f"the road's friction curve, +- 95 %: {result.log}"
     tables = {title: identification_rows(result)}
     if result.quantities:
         tables["the car's own quantities, +- 95 %"] = quantity_rows(result)
-    return Report(tables, told_lines(result), files, verdict=result.verdict, reasons=result.reasons)
+    results = {out / "result.json": result.to_json()}
+    return Report(tables, told_lines(result), files, verdict=result.verdict, reasons=result.reasons, results=results)

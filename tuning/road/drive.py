@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from tuning.core.files import write_json
 from tuning.core.report import Report
 from tuning.core.version import VERSION
 from tuning.logs.brake_log import BrakeLog
@@ -79,5 +78,5 @@ def drive_report(found: Sequence[Braking], refused: dict[int, str], car: Car, ou
     verdict = next(word for word in (REFUTED, DOUBTFUL, SOUND) if word in words)
     lines = [*dict.fromkeys(note for braking in found for note in braking.log.notes), *lines]
     lines += [f"braking {number} tells no road: {why}" for number, why in refused.items()]
-    files = [write_json(out / "result.json", {**told, "version": VERSION}), *files]
-    return Report(tables, lines, files, verdict=verdict, reasons=reasons)
+    results = {out / "result.json": {**told, "version": VERSION}}
+    return Report(tables, lines, files, verdict=verdict, reasons=reasons, results=results)

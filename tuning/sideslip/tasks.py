@@ -12,7 +12,7 @@ from absjax.sideslip.car import Car
 from absjax.sideslip.observer import SideSlipObserver
 from tuning.core.descent import Progress
 from tuning.core.figures import save
-from tuning.core.files import read_json, write_json
+from tuning.core.files import read_json
 from tuning.core.journal import Journal
 from tuning.core.report import Report
 from tuning.logs.car import car_of
@@ -73,8 +73,7 @@ def study(log: VehicleLog, car: Car, estimator: Estimator, out: Path) -> Report:
         "assumptions": signs,
         "notes": list(log.notes),
     }
-    files = [table, write_json(out / "result.json", result)]
-    files.append(save(figures.estimates_figure(found), out / "estimates.png"))
+    files = [table, save(figures.estimates_figure(found), out / "estimates.png")]
     if found.excitation is not None:
         files.append(save(figures.excitation_figure(found), out / "excitation.png"))
     if isinstance(estimator, SideSlipObserver):
@@ -92,7 +91,7 @@ def study(log: VehicleLog, car: Car, estimator: Estimator, out: Path) -> Report:
         row = {"log": log.name, "side-slip from [deg]": round(span.min(), 3), "to [deg]": round(span.max(), 3)}
         tables["estimates, no truth to compare with"] = [row]
     lines = [*log.notes, *_said(verdicts)]
-    return Report(tables, lines, files)
+    return Report(tables, lines, files, results={out / "result.json": result})
 
 
 def _said(verdicts: dict[str, list[dict[str, Any]]]) -> list[str]:
@@ -126,11 +125,9 @@ def compare(logs: Sequence[tuple[VehicleLog, Car]], given: Sequence[str], out: P
     }
     result = {"logs": list(beside.names), "tables": tables}
     slips = {title: np.degrees(e.side_slip) for title, e in found.items()}
-    files = [
-        write_json(out / "result.json", result),
-        save(figures.comparison_figure(names, slips), out / "side_slip_errors.png"),
-    ]
-    return Report(tables, [note for log, _ in logs for note in log.notes], files)
+    files = [save(figures.comparison_figure(names, slips), out / "side_slip_errors.png")]
+    notes = [note for log, _ in logs for note in log.notes]
+    return Report(tables, notes, files, results={out / "result.json": result})
 
 
 def doubts(logs: Sequence[tuple[VehicleLog, Car]]) -> list[str]:
@@ -199,9 +196,9 @@ def tune(
     lines += [
         _friction_line(log, car, result.estimator()) for log, car in (*tuned, *held_out) if "friction" in log.truth
     ]
-    files = [write_json(out / "result.json", result.to_json())]
-    files.append(save(figures.history_figure(result.history), out / "history.png"))
-    return Report(tables, lines, files, result.interrupted, warnings=[*doubts(tuned), *worsened(result.logs)])
+    files = [save(figures.history_figure(result.history), out / "history.png")]
+    warnings, results = [*doubts(tuned), *worsened(result.logs)], {out / "result.json": result.to_json()}
+    return Report(tables, lines, files, result.interrupted, warnings=warnings, results=results)
 
 
 def _geometric_mean(values) -> float:

@@ -143,10 +143,13 @@ def tune_side_slip(
     best = with_values(start, found.values)
     rows = [{**row, "tuned on": "yes"} for row in _rows(tuned, start, best)]
     rows += [{**row, "tuned on": "no"} for row in _rows(held_out, start, best)]
-    each = []
-    for i in range(len(tuned) if config.each and not found.interrupted else 0):
+    each, interrupted = [], found.interrupted
+    for i in range(len(tuned) if config.each else 0):
+        if interrupted:
+            break
         rest = [log for k, log in enumerate(tuned) if k != i]
         other = fit(SideSlipProblem.of(config, _set(rest, config.biases)), config, progress=progress, journal=journal)
+        interrupted = other.interrupted
         told = with_values(start, other.values)
         row = _rows([tuned[i]], start, told)[0]
         on = [(r[BEFORE], r[AFTER]) for r in _rows(rest, start, told)]
@@ -154,9 +157,7 @@ def tune_side_slip(
         each.append(
             {**row, "ratio": row[AFTER] / row[BEFORE]} | {"ratio on the others, tuned on": ratio, **other.values}
         )
-    return SideSlipResult(
-        found.values, rows, each, found.on_limit, found.history, config, interrupted=found.interrupted
-    )
+    return SideSlipResult(found.values, rows, each, found.on_limit, found.history, config, interrupted=interrupted)
 
 
 def _set(logs: Sequence[tuple[VehicleLog, Car]], biases: Sequence[float] = (0.0,)) -> LogSet:

@@ -8,9 +8,8 @@ from typing import Any
 from absjax.speed.kalman import KalmanSpeed
 from tuning.core.descent import Progress
 from tuning.core.figures import save
-from tuning.core.files import write_json
 from tuning.core.journal import Journal
-from tuning.core.report import Report, write_tables
+from tuning.core.report import Report
 from tuning.core.roads import name_of, stacked
 from tuning.core.version import VERSION
 from tuning.speed import study
@@ -78,9 +77,8 @@ def speed_study(config: SpeedConfig, out: Path, progress: Progress, journal: Jou
     chosen = {title: one for title, one in shown.items() if not title.startswith(title_of("fixed_gradient"))}
     figure = speeds_figure(study.traces(published, scenario.time, chosen), "dry, snow from 2.5 s, wet from 5 s")
     result = {"parameters": parameters, "config": config.to_json(), "version": VERSION, "tables": tables}
-    files = [write_json(out / "result.json", result), save(figure, out / "speed.png")]
-    report = Report(tables, lines, files, interrupted)
-    return report._replace(files=[*files, *write_tables(report, out / "tables")])
+    files = [save(figure, out / "speed.png")]
+    return Report(tables, lines, files, interrupted, results={out / "result.json": result})
 
 
 def _of_this_stop(config: SpeedConfig, sets: dict[str, Any], bench: Bench, progress: Progress, journal: Journal):

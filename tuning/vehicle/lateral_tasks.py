@@ -44,10 +44,10 @@ def drive_log(log: VehicleLog, car: Car, out: Path) -> Report:
     table = out / "driven.csv"
     pd.DataFrame({k: np.asarray(v) for k, v in columns.items()}).to_csv(table, index=False, float_format="%.9g")
     result = {"log": log.name, "best": best.variant.title, "friction": best.friction, "errors": best.errors(log)}
-    files = [table, write_json(out / "result.json", {**result, "notes": list(log.notes)})]
-    files.append(save(figures.drive_figure(log, best), out / "driven.png"))
+    files = [table, save(figures.drive_figure(log, best), out / "driven.png")]
     lines = [*log.notes, f"best by what was measured: {best.variant.title}"]
-    return Report({"cars driven by the log": rows}, lines, files)
+    results = {out / "result.json": {**result, "notes": list(log.notes)}}
+    return Report({"cars driven by the log": rows}, lines, files, results=results)
 
 
 def split_mu(right: str, speed_kmh: float, out: Path, *, tune: bool = False) -> Report:

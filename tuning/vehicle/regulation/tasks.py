@@ -12,7 +12,7 @@ from tuning.controllers.recipes import tuned_sets
 from tuning.controllers.regulation import clocked, on_car, turning_of
 from tuning.core.config import ConfigError, choice
 from tuning.core.figures import save
-from tuning.core.files import write_csv, write_json
+from tuning.core.files import write_csv
 from tuning.core.report import Report
 from tuning.core.version import VERSION
 from tuning.vehicle.regulation.figures import stops_figure
@@ -70,13 +70,15 @@ def regulation(
         found = screening_of(config, car, figures, located=located)
         rows += found.rows
         files = [save(stops_figure(found, f"{config.kind.title}, {car}".replace("_", " ")), out / f"{car}.png")]
+        results = {}
         if i == len(cars) - 1:
             written = {"version": VERSION, "config": config.to_json(), "located": located}
             written["rows"] = [dataclasses.asdict(row) for row in rows]
-            files += [write_csv(cells_of(rows), out / "screening.csv"), write_json(out / "result.json", written)]
+            files.append(write_csv(cells_of(rows), out / "screening.csv"))
+            results = {out / "result.json": written}
         word, reasons = verdict(found.rows)
         tables = {f"screening of {car}: {config.kind.title}": cells_of(found.rows)}
-        yield Report(tables, [], files, verdict=word, reasons=reasons)
+        yield Report(tables, [], files, verdict=word, reasons=reasons, results=results)
 
 
 def verdict(rows: Sequence[Row]) -> tuple[str, list[str]]:
