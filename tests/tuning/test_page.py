@@ -5,11 +5,14 @@ import importlib
 import re
 import sys
 from html.parser import HTMLParser
+from io import StringIO
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import pytest
 import typer
+from rich.cells import cell_len
+from rich.console import Console
 from typer.main import get_command
 from typer.testing import CliRunner
 
@@ -19,7 +22,7 @@ from tuning.core import command as core
 from tuning.core.about import About
 from tuning.core.figures import save
 from tuning.core.page import MOST_ROWS, write_page
-from tuning.core.report import Report, rows_table, table_name, write_tables
+from tuning.core.report import Report, rows_tables, table_name, write_tables
 
 NAME = '<b>Müller & Söhne</b> "<script>alert(1)</script>\x07'
 TOLD = NAME.replace("\x07", "\ufffd")
@@ -121,9 +124,40 @@ def test_numbers_that_are_none_and_long_tables(written):
 
 
 def test_a_table_on_the_terminal_has_dashes_for_what_is_not_there():
-    table = rows_table([{"a_name": "x_y", "b": 1.5}, {"a_name": "z", "b": None}], "title")
+    (table,) = rows_tables([{"a_name": "x_y", "b": 1.5}, {"a_name": "z", "b": None}], "title", 80)
     assert [str(cell) for cell in table.columns[1].cells] == ["1.5", "-"]
     assert [str(cell) for cell in table.columns[0].cells] == ["x y", "z"]
+
+
+WIDE = [
+    {
+        "km/h": v,
+        "road": road,
+        **{f"quantity {i}: published [m]": 10.0 * i + v for i in range(1, 10)},
+        "日本_語": "a" * 20,
+    }
+    for v in (60, 120)
+    for road in ("wet_cobblestones", "snow")
+]
+
+
+@pytest.mark.parametrize("room, in_parts, tables", [(240, True, 1), (100, True, 2), (80, True, 3), (80, False, 1)])
+def test_no_word_of_a_table_is_cut(room, in_parts, tables):
+    """Nor broken; each of its parts begins with the columns that tell the rows apart."""
+    parts = rows_tables(WIDE, "title", room, in_parts=in_parts)
+    assert len(parts) == tables
+    told = StringIO()
+    console = Console(file=told, width=room, markup=False, highlight=False)
+    for part in parts:
+        console.print(part, crop=False)
+        assert [str(column.header) for column in part.columns][:2] == ["km/h", "road"]
+    lines = told.getvalue().splitlines()
+    assert not in_parts or max(map(cell_len, lines)) <= room
+    words = re.sub(r"[┃│]", " ", told.getvalue()).split()
+    for row in WIDE:
+        for key, value in row.items():
+            told = value if isinstance(value, str) else f"{value:g}"
+            assert set(f"{key} {told}".replace("_", " ").split()) <= set(words)
 
 
 def test_every_table_has_a_file_name():

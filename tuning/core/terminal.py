@@ -65,10 +65,11 @@ def bar(label: str):
 
 def print_report(report: Any) -> None:
     """Print the tables, lines and files of a `tuning.core.report.Report`."""
-    from tuning.core.report import rows_table
+    from tuning.core.report import rows_tables
 
     for title, rows in report.tables.items():
-        console.print(rows_table(rows, title))
+        for table in rows_tables(rows, title, console.width, in_parts=console.is_terminal):
+            console.print(table, crop=False)
     if report.verdict is not None:
         say(f"verdict: {report.verdict}")
     for line in (*(f"  {reason}" for reason in report.reasons), *report.lines, *report.warnings):
