@@ -11,7 +11,7 @@ from tuning.core.box import Box
 from tuning.core.config import ConfigError
 from tuning.core.descent import Descent
 from tuning.core.evolution import refine
-from tuning.core.fit import SearchConfig, fit
+from tuning.core.fit import SearchConfig, fit, unmoved
 from tuning.core.journal import Journal, identity_of
 from tuning.core.objective import Objective
 from tuning.core.problem import Problem, in_chunks
@@ -186,6 +186,13 @@ def test_a_fit_beats_its_start_and_repeats(changes):
     assert first.cost == float(problem.judge(first.point[None])[0]) < 0.3 < float(problem.judge(problem.given)[0])
     assert first.values == {name: float(v) for name, v in BOX.values(first.point).items()}
     assert np.shape(first.history) == (40, 3) and not first.interrupted
+
+
+def test_a_search_that_gives_its_start_back_says_so():
+    there = {name: float(value) for name, value in BOX.values(Bowls().given[0]).items()}
+    assert unmoved({"fixed": 0.3, **there}, {name: value * (1 + 1e-14) for name, value in there.items()})
+    moved = {**there, BOX.names[-1]: 1.001 * there[BOX.names[-1]]}
+    assert unmoved(there, fit(Bowls(), SEARCH).values) == unmoved(there, moved) == []
 
 
 class Killed(BaseException):

@@ -12,7 +12,7 @@ from tuning.controllers.running import INFEASIBLE, running_problem
 from tuning.controllers.scatter import scattered
 from tuning.controllers.setup import Setup
 from tuning.controllers.splits import SplitFigures
-from tuning.controllers.tune import worse_apart
+from tuning.controllers.tune import with_charge, worse_apart
 from tuning.core.config import ConfigError
 from tuning.core.roads import NEVER
 
@@ -48,6 +48,12 @@ def test_a_set_that_breaks_a_limit_is_worse_than_any_other(problem):
     strict = dataclasses.replace(problem, judged=shorter)
     assert problem.judge(problem.given)[0] < 2
     assert strict.judge(problem.given)[0] > INFEASIBLE
+
+
+def test_a_cost_with_a_charge_in_it_says_for_what(problem):
+    assert with_charge(problem, INFEASIBLE - 1) == []
+    (said,) = with_charge(problem, INFEASIBLE + 0.25)
+    assert "the cost of 100.2500 has one in it, for a stop that does not end, or that locks" in said
 
 
 def test_splits_are_drawn_apart_and_again_the_same():

@@ -21,7 +21,7 @@ from tuning.controllers.tune import of_another_step, tune_abs, unstable_stops
 from tuning.core.command import configuration
 from tuning.core.config import ConfigError
 from tuning.core.files import read_json, write_json
-from tuning.core.fit import fit
+from tuning.core.fit import Fitted, fit
 
 SMALL = TuningConfig(
     roads=("dry_asphalt", "wet_asphalt"),
@@ -65,6 +65,15 @@ def test_the_command_writes_the_same_and_can_go_on(result, tmp_path):
     done = CliRunner().invoke(app, ["tune-abs", "--config", str(config), "--out", str(tmp_path / "a")])
     assert done.exit_code == 0, done.output
     assert "12/12" in done.output and "dry asphalt" in done.output
+    steps = (
+        "located and sampled ...",
+        "at half the grid step ...",
+        "of the phases ...",
+        "limit cycles ...",
+        "figures ...",
+    )
+    places = [done.output.index(step) for step in ("12/12", *steps, "tuned thresholds")]
+    assert places == sorted(places)
     figures = {"distances.png", "history.png", "stop.png", "cycles.png"}
     assert {path.name for path in (tmp_path / "a").glob("*.png")} == figures
     assert "limit cycles: 2 of 2" in (tmp_path / "a" / "report.html").read_text()
@@ -72,6 +81,29 @@ def test_the_command_writes_the_same_and_can_go_on(result, tmp_path):
     assert TuningResult.from_json(read_json(tmp_path / "a" / "result.json")).parameters == result[0].parameters
     following = TuningConfig.from_json(configuration(tmp_path / "a" / "result.json"))
     assert following.start == result[0].parameters and following.roads == SMALL.roads
+
+
+def test_a_tuning_that_finds_nothing_says_so_and_what_its_cost_is(result, monkeypatch):
+    """The charge once, with the first cost that has it."""
+    tuned, said = result[0], []
+
+    def nothing(problem, search, *, progress, journal):
+        for done, cost in enumerate((1.1, 10.2, 10.1)):
+            progress(done + 1, 3, cost)
+        point = problem.given[0]
+        return Fitted(point, {n: float(v) for n, v in problem.box.values(point).items()}, 10.1, [[10.1]], [], False)
+
+    monkeypatch.setattr("tuning.controllers.tune.fit", nothing)
+    found = tune_abs(SMALL, say=said.append)
+    assert found.warnings[:2] == [
+        "no better set was found than the start",
+        "no set was found without a charge: the cost of 10.1000 has one in it, for a limit cycle beyond "
+        "largest_contraction",
+    ]
+    assert not {*found.warnings[:2]} & {*tuned.warnings}
+    assert [told for told in said if "charge" in told] == [
+        "a cost from 10 on has a charge in it, for a limit cycle beyond largest_contraction: any set without is better"
+    ]
 
 
 def test_the_limit_on_contraction_is_reached_by_its_gradient(result):

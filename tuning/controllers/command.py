@@ -57,7 +57,7 @@ def run_of(config, out: Path, title: str) -> Any:
             cars = ", ".join(map(name_of_car, config.vehicle.cars))
             lines.append(f"screened on {cars}, unladen and laden: {len(breached) or 'no'} rows breached")
         warnings = [f"warning: {warning}" for warning in result.warnings]
-        say_step("figures")
+        say_step("figures ...")
         files = tuning_figures(result, out)
         tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}
         if result.splits:

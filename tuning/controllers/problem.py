@@ -7,6 +7,7 @@ looked for at every point of the descent, and what exceeds the limit is charged.
 
 import dataclasses
 from functools import partial
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -35,6 +36,8 @@ FINALISTS = 8
 @dataclasses.dataclass(frozen=True)
 class ControllerProblem(Problem):
     """A controller's parameters on a batch of rows."""
+
+    charge: ClassVar[float] = BREACH_CHARGE
 
     setup: Setup
     batch: Batch

@@ -40,6 +40,7 @@ class RunningProblem(Problem):
     """A controller's parameters in scattered conditions under the clock of a control unit."""
 
     population: ClassVar[int] = 24
+    charge: ClassVar[float] = INFEASIBLE
 
     setup: Setup
     batch: Batch

@@ -74,6 +74,6 @@ def all_splits(
     """Sets by name in all splits of a setup; each is told of before its stops are made."""
     grid, rows = setup.sampled_grid(), []
     for split in SPLITS:
-        say(f"{split} draws")
+        say(f"{split} draws ...")
         rows += figures_of(scattered(setup, split), split, sets, grid)
     return rows

@@ -18,7 +18,7 @@ from tuning.controllers.rows import rows_of
 from tuning.controllers.running import RunningProblem, running_problem
 from tuning.controllers.splits import SplitFigures, all_splits
 from tuning.core.descent import Progress
-from tuning.core.fit import fit
+from tuning.core.fit import fit, unmoved
 from tuning.core.journal import Journal
 from tuning.core.report import cell
 
@@ -38,29 +38,31 @@ def tune_abs(
         config: what to tune.
         progress: called with iteration, iterations and the best cost so far.
         journal: where evaluations are kept, to go on from.
-        say: told of every step in which what the search found is judged.
+        say: told of what costs have in them that is no distance, and of every step in which what was found is judged.
 
     Raises:
         ConfigError: naming the entry that cannot be used.
     """
     problem = problem_of(config) if config.setting == "located" else running_problem(config)
-    fitted = fit(problem, config, progress=progress, journal=journal)
+    fitted = fit(problem, config, progress=_telling(problem, progress, say), journal=journal)
     parameters, splits = problem.setup.initial | fitted.values, []
     if config.setting != "located":
         splits = all_splits(problem.setup, {"untuned": problem.setup.initial, "tuned": parameters}, say)
     rows, breached = score(problem, parameters, say), []
     if problem.regulation is not None:
-        say("screening after the regulation")
+        say("screening after the regulation ...")
         breached = problem.regulation.warnings(parameters)
-    say("lengths of the phases")
+    say("lengths of the phases ...")
     short = short_phases(problem.setup, problem.batch, parameters)
     if config.vehicle is None:
-        say("limit cycles")
+        say("limit cycles ...")
     return TuningResult(
         parameters=parameters,
         rows=rows,
         splits=splits,
         warnings=[
+            *unmoved(problem.setup.initial, parameters),
+            *with_charge(problem, fitted.cost),
             *lifting(config.vehicle, config.roads),
             *short,
             *unstable_stops(rows),
@@ -77,6 +79,40 @@ def tune_abs(
     )
 
 
+def charged_for(problem: ControllerProblem | RunningProblem) -> str:
+    """What a set is charged `problem.charge` for; nothing where it is not charged."""
+    causes = {
+        "a stop that does not end, or that locks, slides or takes a cycle for longer than allowed": isinstance(
+            problem, RunningProblem
+        ),
+        "a limit cycle beyond largest_contraction": problem.setup.config.largest_contraction is not None,
+        "a row of the regulation that is breached": problem.regulation is not None,
+    }
+    return ", or for ".join(cause for cause, charged in causes.items() if charged)
+
+
+def with_charge(problem: ControllerProblem | RunningProblem, cost: float) -> list[str]:
+    """A sentence if the cost of a set has a charge in it."""
+    causes = charged_for(problem)
+    if not causes or cost < problem.charge:
+        return []
+    return [f"no set was found without a charge: the cost of {cost:.4f} has one in it, for {causes}"]
+
+
+def _telling(problem: ControllerProblem | RunningProblem, progress: Progress, say: Callable[[str], None]) -> Progress:
+    """`progress` that says, with the first cost that has a charge in it, what that is."""
+    told = []
+
+    def tell(done: int, total: int, cost: float) -> None:
+        progress(done, total, cost)
+        causes = charged_for(problem)
+        if causes and cost >= problem.charge and not told:
+            told.append(cost)
+            say(f"a cost from {problem.charge:g} on has a charge in it, for {causes}: any set without is better")
+
+    return tell
+
+
 def score(
     problem: ControllerProblem | RunningProblem, parameters: dict[str, float], say: Callable[[str], None]
 ) -> list[ResultRow]:
@@ -84,9 +120,9 @@ def score(
     setup, batch = problem.setup, problem.batch
     tuned = {name: parameters[name] for name in problem.box.names}
     both = {name: np.array([setup.initial[name], value]) for name, value in tuned.items()}
-    say("stops on every road from every speed, located and sampled")
+    say("stops on every road from every speed, located and sampled ...")
     located, sampled = scored(batch, both), scored(batch, both, *setup.sampled_grid())
-    say("the same at half the grid step")
+    say("the same at half the grid step ...")
     halved, growths = at_half_step(batch, tuned)
     another = differs(jax.tree.map(lambda leaf: leaf[:, 1], located.stops), halved)
     vehicle = setup.config.vehicle

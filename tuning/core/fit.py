@@ -7,7 +7,7 @@ nothing. Interrupted from the keyboard, it returns the best there is; before the
 
 import dataclasses
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Annotated, Literal
 
 import numpy as np
@@ -24,6 +24,10 @@ Judge = Callable[..., np.ndarray]
 """Costs (sets,) of points (sets, parameters), on some members of the ensemble if such are given."""
 NARROWER = 0.4
 """The last evolution begins so much narrower where there was one before the descent: the valley is found."""
+
+
+ROUNDING = 1e-9
+"""Of a value that goes through the scales of the box and back, as a share."""
 
 
 @config
@@ -117,6 +121,12 @@ def fit(
     if search.batch is not None:
         require("batch", search.batch, search.batch <= problem.members, f"at most the {problem.members} members")
     return _Fit(problem, search, progress, journal or Journal()).run()
+
+
+def unmoved(start: Mapping[str, float], found: Mapping[str, float]) -> list[str]:
+    """A sentence where a search gives back the values it started from, but for rounding."""
+    same = all(np.isclose(value, start[name], rtol=ROUNDING, atol=0.0) for name, value in found.items())
+    return ["no better set was found than the start"] if same else []
 
 
 class _Fit:

@@ -21,8 +21,8 @@ def say(text: str) -> None:
 
 
 def say_step(text: str) -> None:
-    """Say what a command is doing."""
-    say(f"  {text} ...")
+    """Print a line beneath what a command does."""
+    say(f"  {text}")
 
 
 @contextlib.contextmanager

@@ -11,7 +11,7 @@ from tuning.controllers.published import ROADS, SPEEDS_KMH
 from tuning.core.figures import save
 from tuning.core.files import write_json
 from tuning.core.report import Report
-from tuning.core.terminal import say
+from tuning.core.terminal import say_step
 from tuning.delay import brake, chains, figures, margins
 from tuning.delay.sets import tuned_set
 from tuning.delay.traces import traces, undelayed_trace
@@ -34,7 +34,7 @@ def study(out: Path, retune: bool = False) -> Report:
         "stops": partial(stop_part, tuned=tuned),
     }
     for name, part in parts.items():
-        say(f"  {name} ...")
+        say_step(f"{name} ...")
         more, drawn = part(out)
         tables |= more
         files += drawn

@@ -13,6 +13,7 @@ from absjax.observers.designs import UnknownRoad
 from tuning.core.descent import Progress
 from tuning.core.figures import save
 from tuning.core.files import read_json, write_json
+from tuning.core.fit import unmoved
 from tuning.core.journal import Journal
 from tuning.core.report import Report
 from tuning.encoder import figures, imperfections, notching, sticking
@@ -184,7 +185,9 @@ def tune(config: EncoderConfig, out: Path, progress: Progress, journal: Journal)
         save(figures.descent_figure(result.history), out / "history.png"),
     ]
     lines = [f"n = {result.events}, M = {result.harmonics} of {len(result.grid)} pairs", f"parameters: {parameters}"]
-    return Report(tables, lines, files, result.interrupted, results={out / "result.json": result.to_json()})
+    warnings = [f"warning: {said}" for said in unmoved(config.initial(), result.parameters)]
+    results = {out / "result.json": result.to_json()}
+    return Report(tables, lines, files, result.interrupted, warnings=warnings, results=results)
 
 
 def _measured_costs(config: EncoderConfig) -> dict[int, float]:

@@ -18,8 +18,10 @@ from absjax.plant.wheel import Wheel
 from tuning.core.descent import Progress
 from tuning.core.figures import save
 from tuning.core.files import data_folder, write_json
+from tuning.core.fit import unmoved
 from tuning.core.journal import Journal
 from tuning.core.report import Report
+from tuning.core.terminal import say_step
 from tuning.logs.brake_log import BrakeLog, parse_columns, read_log
 from tuning.logs.car import Car, car_of, read_car
 from tuning.logs.tables import LogError
@@ -76,7 +78,17 @@ def _outcome(result: ObserverResult, out: Path, tables, files) -> Report:
     verdict, *conditions = map(str.strip, certificate.splitlines())
     lines = [f"parameters: {parameters}", f"gains: {gains}"]
     results = {out / "result.json": result.to_json()}
-    return Report(tables, lines, files, result.interrupted, verdict=verdict, reasons=conditions, results=results)
+    warnings = [f"warning: {said}" for said in unmoved(result.config.initial(), result.parameters)]
+    return Report(
+        tables,
+        lines,
+        files,
+        result.interrupted,
+        verdict=verdict,
+        reasons=conditions,
+        warnings=warnings,
+        results=results,
+    )
 
 
 def _pair(result: ObserverResult) -> list[GainSet]:
@@ -88,6 +100,7 @@ def tune(config: ObserverConfig, out: Path, progress: Progress, journal: Journal
     """Tune on simulated runs, and judge on road changes that were not tuned on."""
     result = tune_observer(config, progress=progress, journal=journal)
     pair, held_out = _pair(result), []
+    say_step("changes of the road that were not tuned on ...")
     for excitation in EXCITATIONS:
         held_out += held_out_rows(pair, held_out_runs(excitation), excitation)
     tuned_on = [

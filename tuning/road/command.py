@@ -7,6 +7,7 @@ from typing import Annotated, Any
 import typer
 
 from tuning.core.command import Force, Out, carry_out, say
+from tuning.core.terminal import say_step
 from tuning.logs.command import Channels, Columns
 from tuning.road.about import IDENTIFY
 
@@ -88,21 +89,18 @@ def identified(
     logs = read_brakings(log, declared, start=start, end=end, radius=radius, stated=stated, edges=edges)
     others = [read_log(path, declared, radius=radius, stated=stated) for path in beside]
 
-    def progress(text):
-        say(f"  {text}")
-
     if len(logs) > 1:
         if others:
             raise LogError(f"{log}: {len(logs)} brakings; with other logs beside, choose one by --from and --to")
-        found, refused = identify_brakings(logs, known, tyre, progress=progress)
+        found, refused = identify_brakings(logs, known, tyre, progress=say_step)
         return drive_report(found, refused, known, out)
     (data,) = logs
     if isinstance(data, LogError):
         raise data
     if others:
-        result = identify_together([data, *others], known, tyre, progress=progress)[0]
+        result = identify_together([data, *others], known, tyre, progress=say_step)[0]
     else:
-        result = identify(data, known, tyre, progress=progress)
+        result = identify(data, known, tyre, progress=say_step)
     files = identification_figures(result, data, known, out)
     title = f"the road's friction curve, +- 95 %: {result.log}"
     tables = {title: identification_rows(result)}

@@ -13,6 +13,7 @@ from absjax.sideslip.observer import SideSlipObserver
 from tuning.core.descent import Progress
 from tuning.core.figures import save
 from tuning.core.files import read_json
+from tuning.core.fit import unmoved
 from tuning.core.journal import Journal
 from tuning.core.report import Report
 from tuning.logs.car import car_of
@@ -197,7 +198,9 @@ def tune(
         _friction_line(log, car, result.estimator()) for log, car in (*tuned, *held_out) if "friction" in log.truth
     ]
     files = [save(figures.history_figure(result.history), out / "history.png")]
-    warnings, results = [*doubts(tuned), *worsened(result.logs)], {out / "result.json": result.to_json()}
+    warnings = [*doubts(tuned), *worsened(result.logs)]
+    warnings += [f"warning: {said}" for said in unmoved(start, result.parameters)]
+    results = {out / "result.json": result.to_json()}
     return Report(tables, lines, files, result.interrupted, warnings=warnings, results=results)
 
 

@@ -8,6 +8,7 @@ from typing import Any
 from absjax.speed.kalman import KalmanSpeed
 from tuning.core.descent import Progress
 from tuning.core.figures import save
+from tuning.core.fit import unmoved
 from tuning.core.journal import Journal
 from tuning.core.report import Report
 from tuning.core.roads import name_of, stacked
@@ -45,7 +46,7 @@ def speed_study(config: SpeedConfig, out: Path, progress: Progress, journal: Jou
     told = Told.of(["Fig. 3.15"], scenario, [(SCENARIO_BIAS, 0.0)], config.noise, config.rim_noise, config.seed)
     published = Bench.of(told)
     sets: dict[str, tuple[Any, Any]] = {}
-    parameters, tuned, interrupted = {}, {}, False
+    parameters, tuned, interrupted, warnings = {}, {}, False, []
     for name in config.estimators:
         start = config.initial(name)
         found = None if interrupted else tune_speed(config, name, training, progress, journal)
@@ -53,8 +54,12 @@ def speed_study(config: SpeedConfig, out: Path, progress: Progress, journal: Jou
         if found is not None:
             interrupted = found.interrupted
             parameters |= {f"{name}.{parameter}": value for parameter, value in found.values.items()}
+            start_values = {parameter: getattr(start, parameter) for parameter in found.values}
+            warnings += [f"warning: {title_of(name)}: {said}" for said in unmoved(start_values, found.values)]
             tuned[name] = [p + "*" * (p in found.on_limit) for p in found.values]
-    very = {} if interrupted else _of_this_stop(config, sets, published, progress, journal)
+    very = {}
+    if not interrupted:
+        very, interrupted = _of_this_stop(config, sets, published, progress, journal)
     tables: dict[str, Any] = {
         "held-out stops: errors while a controller acts": study.error_rows(judged, sets),
         "tuned stops: errors on those tuned on": study.error_rows(training, sets),
@@ -78,18 +83,21 @@ def speed_study(config: SpeedConfig, out: Path, progress: Progress, journal: Jou
     figure = speeds_figure(study.traces(published, scenario.time, chosen), "dry, snow from 2.5 s, wet from 5 s")
     result = {"parameters": parameters, "config": config.to_json(), "version": VERSION, "tables": tables}
     files = [save(figure, out / "speed.png")]
-    return Report(tables, lines, files, interrupted, results={out / "result.json": result})
+    return Report(tables, lines, files, interrupted, warnings=warnings, results={out / "result.json": result})
 
 
 def _of_this_stop(config: SpeedConfig, sets: dict[str, Any], bench: Bench, progress: Progress, journal: Journal):
-    """The filters tuned on a single stop, by title: the best that can be said of it, and of no other."""
+    """The filters tuned on a single stop, by title: the best that can be said of it, and of no other; and whether that
+    was interrupted."""
     alone, found = dataclasses.replace(config, batch=None), {}
     for name, (start, tuned) in sets.items():
         if isinstance(tuned, KalmanSpeed):
             fitted = tune_speed(alone, name, bench, progress, journal)
             if fitted is not None:
                 found[f"{title_of(name)}, tuned on this stop"] = start, with_values(start, fitted.values)
-    return found
+                if fitted.interrupted:
+                    return found, True
+    return found, False
 
 
 def _said(name: str, rows: list[dict[str, Any]]) -> str:

@@ -10,7 +10,7 @@ from absjax.sideslip.car import Car
 from tuning.core.figures import save
 from tuning.core.files import write_json
 from tuning.core.report import Report
-from tuning.core.terminal import say
+from tuning.core.terminal import say_step
 from tuning.logs.vehicle_log import VehicleLog
 from tuning.vehicle import lateral_figures as figures
 from tuning.vehicle.drive_log import drive
@@ -63,7 +63,7 @@ def split_mu(right: str, speed_kmh: float, out: Path, *, tune: bool = False) -> 
     if tune:
         traded: list[Traded] = []
         for wiring in TRADED:
-            say(f"  thresholds, {wiring} ...")
+            say_step(f"thresholds, {wiring} ...")
             traded += trade_off(right, speed_kmh, wiring)
         tables["thresholds tuned under limits of the yaw rate"] = [one.row for one in traded]
         files.append(save(figures.trade_off_figure(traded, cases, title), out / "trade_off.png"))
