@@ -3,6 +3,7 @@
 import dataclasses
 import json
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from typer.testing import CliRunner
@@ -12,6 +13,7 @@ from tuning.controllers.batch import FEW, batch_of, scored
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import certify_cycles
 from tuning.controllers.demo import limited
+from tuning.controllers.figures import HIGHEST, distances
 from tuning.controllers.load import load_controller, plot_stop
 from tuning.controllers.problem import bounded, problem_of
 from tuning.controllers.report import tuning_rows
@@ -104,6 +106,21 @@ def test_a_tuning_that_finds_nothing_says_so_and_what_its_cost_is(result, monkey
     assert [told for told in said if "charge" in told] == [
         "a cost from 10 on has a charge in it, for a limit cycle beyond largest_contraction: any set without is better"
     ]
+
+
+def test_a_bar_that_is_higher_than_the_axis_has_its_value(result):
+    def values_in(rows):
+        figure = distances(dataclasses.replace(result[0], rows=rows))
+        found = [text.get_text().strip() for axes in figure.axes for text in axes.texts]
+        highest = [(max(bar.get_height() for bar in axes.patches), axes.get_ylim()[1]) for axes in figure.axes]
+        plt.close(figure)
+        assert all(bars <= min(HIGHEST, end) for bars, end in highest)
+        return found
+
+    rows = result[0].rows
+    far = dataclasses.replace(rows[0].untuned, distance=1.473 * rows[0].ideal)
+    assert values_in(rows) == []
+    assert values_in([dataclasses.replace(rows[0], untuned=far), *rows[1:]]) == ["47"]
 
 
 def test_the_limit_on_contraction_is_reached_by_its_gradient(result):

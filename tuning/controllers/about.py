@@ -14,7 +14,8 @@ TUNED = {
     "draws the set was tuned on, on draws that may refute it, and on further ones. A stop is stuck where a cycle takes "
     "more than 1 s.",
     "distances.png": "By road and speed, before and after: the distance from the pedal over the ideal one, of each of "
-    "several cars; of one wheel, below, the published quantity over its own ideal. Bars end at 20 %.",
+    "several cars; of one wheel, below, the published quantity over its own ideal. Bars end at 20 %, with their value "
+    "in them where it is more.",
     "history.png": "The search: cost of each start by iteration, and what was chosen in the end.",
     "stop.png": "One stop before and after tuning: speeds, slip, pressure and phases against time.",
     "cycles.png": "Slip against wheel acceleration on each road, untuned above, tuned below. The dotted vertical "
@@ -59,7 +60,8 @@ ABS_STUDY = About(
         "lambert.png": "The branches of Lambert's W of which the closed form of the two-phase cycle is made.",
         "feedback.png": "Phase plane from several starts; beside the true course what the observer believes.",
         "slip_planes.png": "Two and five phases in the plane of slip and x2, untuned and tuned.",
-        "distances.png": "Distance above ideal of every tuned controller by road and speed, a panel for each setting.",
+        "distances.png": "Distance above ideal of every tuned controller by road and speed, a panel for each setting. "
+        "Bars end at 20 %, with their value in them where it is more.",
         "patch_of_snow.png": "Speeds and pressure over a patch of snow, untuned and tuned.",
         "ice_to_dry.png": "Speeds and pressure from ice to dry asphalt, untuned and tuned.",
         "contraction.png": "Contraction of the limit cycles by road and speed; below 1 is attractive.",

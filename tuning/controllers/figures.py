@@ -12,7 +12,7 @@ from absjax.plots import phase_plane
 from tuning.controllers.load import plot_stop
 from tuning.controllers.result import ResultRow, TuningResult
 from tuning.controllers.setup import Setup
-from tuning.core.figures import save
+from tuning.core.figures import bars_up_to, save
 from tuning.core.roads import name_of, surfaces_of
 
 JUDGED = {
@@ -22,7 +22,7 @@ JUDGED = {
 }
 """What the cost in the end is of, by setting."""
 HIGHEST = 20.0
-"""Of the bars, %."""
+"""Where bars end that would be higher, %."""
 ROOM = 1.25
 """Times the highest bar: the legend is above it."""
 
@@ -31,7 +31,7 @@ def tuning_figures(result: TuningResult, folder: Path) -> list[Path]:
     """Distances over ideal, descent of the starts, a stop, limit cycles before and after where roads are uniform."""
     road, speed = result.config.roads[0], max(result.config.speeds_kmh)
     files = [
-        save(_distances(result), folder / "distances.png"),
+        save(distances(result), folder / "distances.png"),
         save(_history(result), folder / "history.png"),
         save(plot_stop(result, road, speed), folder / "stop.png"),
     ]
@@ -40,7 +40,7 @@ def tuning_figures(result: TuningResult, folder: Path) -> list[Path]:
     return files
 
 
-def _distances(result: TuningResult):
+def distances(result: TuningResult):
     """From the pedal, a panel for each of several cars; of one wheel the published quantity as well."""
     cars, alone = list(dict.fromkeys(row.car for row in result.rows)), result.config.vehicle is None
     panels = len(cars) + alone
@@ -63,7 +63,7 @@ def _distances(result: TuningResult):
         grid[-1, 0].set(ylabel="published quantity,\nabove its ideal [%]")
     for axes in grid[:, 0]:
         highest = max((bar.get_height() for bar in axes.patches), default=0.0)
-        axes.set(ylim=(0, min(HIGHEST, ROOM * highest) or HIGHEST))
+        axes.set(ylim=(0, ROOM * highest or HIGHEST))
         axes.legend(fontsize="small", ncols=4)
         axes.grid(axis="y", alpha=0.3)
     grid[-1, 0].set_xticks(place, labels, rotation=60, fontsize=7)
@@ -82,11 +82,10 @@ def _percent(value: float | None, ideal: float | None) -> float:
 
 
 def _bars(axes, place: np.ndarray, series: dict[str, list[float]]) -> None:
-    """A bar a row and series, cut at the highest; none where there is nothing."""
+    """A bar a row and series."""
     width = 0.8 / len(series)
     for i, (label, values) in enumerate(series.items()):
-        heights = np.minimum(np.nan_to_num(np.asarray(values, dtype=float)), HIGHEST)
-        axes.bar(place + width * (i - 0.5 * (len(series) - 1)), heights, width, label=label)
+        bars_up_to(HIGHEST, axes, place + width * (i - 0.5 * (len(series) - 1)), values, width, label=label)
 
 
 def _history(result: TuningResult):

@@ -9,10 +9,12 @@ from absjax.loop.stop import stop
 from absjax.plots import phase_plane
 from absjax.tyres.surfaces import SURFACES
 from tuning.controllers.cycles import CycleRow
+from tuning.controllers.figures import HIGHEST
 from tuning.controllers.recipes import tuned_sets
 from tuning.controllers.settings import Setting
 from tuning.controllers.setup import Setup
 from tuning.controllers.study.distances import NAMES, Entry, untuned_and_tuned
+from tuning.core.figures import bars_up_to
 
 
 def slip_planes_figure(road: str = "wet_asphalt", speed_kmh: float = 120.0):
@@ -45,17 +47,19 @@ def distances_figure(entries: Sequence[Entry], settings: Sequence[Setting]):
         for k, name in enumerate(names):
             excess = {(e.row.speed_kmh, e.ideal, e.row.name): e.excess for e in mine if e.controller == name}
             values = [excess[place] for place in places]
-            heights = [20.0 if value is None else min(100 * value, 20.0) for value in values]
-            at = np.arange(len(places)) + 0.85 * (k / len(names) - 0.5)
-            bars = axes.bar(at, heights, 0.85 / len(names), align="edge", label=NAMES[name])
+            percent = [HIGHEST if value is None else 100 * value for value in values]
+            at, width = np.arange(len(places)) + 0.85 * (k / len(names) - 0.5), 0.85 / len(names)
+            bars = bars_up_to(HIGHEST, axes, at, percent, width, align="edge", label=NAMES[name])
             for bar, value in zip(bars, values):
                 if value is None:
                     bar.set(hatch="////", alpha=0.4)
         labels = [f"{name.replace('_', ' ')}\n{speed:g} km/h" for speed, _, name in places]
         axes.set_xticks(np.arange(len(places)), labels, rotation=60, fontsize=7)
-        axes.set(ylabel="above ideal [%], at most 20", ylim=(0, 20), title=f"{setting.label} (hatched: does not end)")
+        axes.set(ylabel="above ideal [%]", ylim=(0, HIGHEST), title=f"{setting.label} (hatched: does not end)")
         axes.grid(axis="y", alpha=0.3)
-    np.atleast_1d(grid)[0].legend(fontsize="small", ncols=6, loc="upper right")
+    figure.legend(
+        *np.atleast_1d(grid)[0].get_legend_handles_labels(), fontsize="small", ncols=7, loc="outside upper center"
+    )
     return figure
 
 
