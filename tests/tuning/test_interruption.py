@@ -10,6 +10,11 @@ import typer
 from tuning.core import command
 from tuning.core.report import Report
 
+HEARING = """
+import signal
+signal.signal(signal.SIGINT, signal.default_int_handler)
+"""
+"""A process in the background ignores it, and so do those that it starts."""
 DEAF = """
 import hashlib, sys, threading
 from tuning.core.interruption import interruptible, keeping
@@ -32,7 +37,7 @@ with interruptible(), keeping(lambda: "all of it is kept"):
 
 
 def test_the_first_is_answered_at_once_and_the_second_ends_the_process():
-    with subprocess.Popen([sys.executable, "-c", DEAF], stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen([sys.executable, "-c", HEARING + DEAF], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:
             assert process.stdout.readline() == "ready\n"
@@ -66,7 +71,7 @@ with interruptible():
 
 
 def test_one_that_comes_in_a_finaliser_comes_again():
-    done = subprocess.run([sys.executable, "-c", SWALLOWED], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([sys.executable, "-c", HEARING + SWALLOWED], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0 and done.stderr == ""
     assert done.stdout.startswith("stopping when") and done.stdout.endswith("\ninterrupted\n")
 
@@ -84,6 +89,17 @@ def test_a_run_that_is_interrupted_keeps_what_came_before(parts, tmp_path, capsy
     page = tmp_path / "out" / "report.html"
     assert page.exists() == bool(parts)
     assert not parts or "ended from the keyboard" in page.read_text()
+
+
+def test_the_page_of_a_run_that_is_killed_between_its_parts_says_so(tmp_path):
+    def run():
+        yield Report({}, ["the first"], [])
+        raise SystemExit(143)
+
+    with pytest.raises(SystemExit):
+        command.carry_out(tmp_path, lambda: ((), run))
+    page = (tmp_path / "report.html").read_text()
+    assert "the first" in page and "more was to come" in page
 
 
 @pytest.mark.parametrize("killed_in", ["write_page", "write_json"])

@@ -88,15 +88,16 @@ CAR = TuningConfig.from_json(
 def test_what_validation_refutes_is_said():
     """A set that is no better than the untuned one, or breaks a limit there; not one that is better and keeps them."""
 
-    def told(untuned: tuple, tuned: tuple) -> list[str]:
+    def told(untuned: tuple, tuned: tuple, began: str = "untuned") -> list[str]:
         rows = (("untuned", untuned), ("tuned", tuned))
         return worse_apart(
-            [SplitFigures("validation", which, 4, mean, mean, 0, locked, 0) for which, (mean, locked) in rows]
+            [SplitFigures("validation", which, 4, mean, mean, 0, locked, 0) for which, (mean, locked) in rows], began
         )
 
     assert told((1.2, 1), (1.1, 0)) == [] and told((1.2, 0), (1.1, 0)) == []
     (worse,) = told((1.2, 0), (1.3, 0))
     assert worse.endswith("no shorter than the untuned one, 30.0 and 20.0 % above ideal in the mean")
+    assert "no shorter than the start, 30.0" in told((1.2, 0), (1.3, 0), "start")[0]
     (paid,) = told((1.2, 1), (1.3, 0))
     assert "of the untuned one 0 of 4 stops do not end, 1 lock above 15 km/h, 0 slide, 0 stick" in paid
     assert "1 lock above 15 km/h" in told((1.2, 0), (1.1, 1))[0]

@@ -213,6 +213,16 @@ def test_a_stop_of_a_result_is_drawn(result):
     assert sum("untuned" in title for title in titles) == 1 and sum(", tuned" in title for title in titles) == 1
 
 
+def test_what_a_search_began_with_is_untuned_where_it_is_the_default_set_alone(result):
+    going_on = dataclasses.replace(result[0].config, start=result[0].parameters)
+    for config, name in ((result[0].config, "untuned"), (going_on, "start")):
+        told = dataclasses.replace(result[0], config=config)
+        assert list(tuning_rows(told)[0])[4:6] == [name, "tuned"] and f"{name} quantity" in tuning_rows(told)[0]
+        figure = distances(told)
+        assert figure.axes[0].get_legend_handles_labels()[1] == [name, "tuned", "tuned, sampled"]
+        plt.close(figure)
+
+
 def test_scoring_in_chunks_and_some_of_the_rows():
     setup = Setup.of(SMALL)
     batch, names = batch_of(setup), setup.box().names
@@ -359,8 +369,9 @@ def test_every_point_is_a_valid_set():
     assert max(fixed.high) < 38.0 and fixed.ordered == ()
 
 
-def test_the_demo_begins_untuned():
+def test_the_demo_begins_with_the_default_set_but_for_a_growth():
     config = limited()
+    assert config.began == "start"
     assert config.known == () and set(config.start) == {"eps0_growth"}
     assert (config.pedal_rate, config.rate_limit, config.lag, config.threshold_floor) == (400.0, 750.0, 0.005, 10.0)
 

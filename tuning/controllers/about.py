@@ -9,7 +9,8 @@ QUANTITY = (
     "published quantity begins at the first switching and stands for comparison with published tables only."
 )
 TUNED = {
-    "distances from the pedal": f"A row a road and speed, before and after tuning. {QUANTITY}",
+    "distances from the pedal": f"A row a road and speed, before and after tuning; what the search began with is "
+    f"called untuned where it is the default set, else start. {QUANTITY}",
     "scattered conditions": "Stops in the setting that was tuned for, roads, load, brake and encoder scattered: on "
     "draws the set was tuned on, on draws that may refute it, and on further ones. A stop is stuck where a cycle takes "
     "more than 1 s.",
@@ -18,8 +19,8 @@ TUNED = {
     "in them where it is more.",
     "history.png": "The search: cost of each start by iteration, and what was chosen in the end.",
     "stop.png": "One stop before and after tuning: speeds, slip, pressure and phases against time.",
-    "cycles.png": "Slip against wheel acceleration on each road, untuned above, tuned below. The dotted vertical "
-    "is the slip of the friction peak.",
+    "cycles.png": "Slip against wheel acceleration on each road, before tuning above, after it below. The dotted "
+    "vertical is the slip of the friction peak.",
 }
 TUNE_ABS = About(
     "An anti-lock controller, tuned",
@@ -100,8 +101,9 @@ SETTING_STUDY = About(
 DEMO = About(
     "Demonstration: from a brake log to tuned thresholds",
     "First the road is identified from a recorded stop. Then the thresholds of a five-phase anti-lock controller are "
-    "tuned, from untuned ones, under a driver who presses at 400 bar/s and a brake that can follow 750 bar/s with a "
-    "lag of 5 ms. Last, the tuning is repeated under one limit at a time, to see what each costs.",
+    "tuned, from the default set but for a first one that grows with speed, under a driver who presses at 400 bar/s "
+    "and a brake that can follow 750 bar/s with a lag of 5 ms. Last, the tuning is repeated under one limit at a time, "
+    "to see what each costs.",
     {
         "friction curve": "The identified road, a row a surface. ± is the half-width of the 95 % interval; ? marks "
         "what the log does not tell.",

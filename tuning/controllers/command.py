@@ -156,7 +156,7 @@ def setting_study(
 
 
 def demo(out: Out = Path("demo"), force: Force = False) -> None:
-    """Identify a road from the log shipped here, then tune five-phase thresholds, from untuned, under a given pedal."""
+    """Identify a road from the log shipped here, then tune five-phase thresholds under a given pedal."""
     carry_out(out, lambda: ((), lambda: _demonstrated(out)), about=DEMO, force=force)
 
 
@@ -171,7 +171,7 @@ def _demonstrated(out: Path) -> Iterator[Any]:
     with data_folder() as data:
         yield identified(data / "stop_dry_wet.csv", out / "identify", car=data / "stop_dry_wet.json")
     console.rule("2  thresholds under a given pedal: 400 bar/s; brake 750 bar/s, 5 ms; thresholds >= 10 m/s²")
-    run = run_of(limited(), out / "tuned", "five phases, from the default set")
+    run = run_of(limited(), out / "tuned", "five phases")
     yield tuned("tune-abs", limited(), out / "tuned", run)
     console.rule("3  what each limit costs")
     with bar("tuned under one limit at a time") as progress:

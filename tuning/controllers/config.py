@@ -238,6 +238,11 @@ class TuningConfig(SearchConfig):
         return self.setting == "chain" and self.chain != "window" and self.vehicle is None
 
     @property
+    def began(self) -> str:
+        """What the set is called that the search begins with: untuned if it is the default one."""
+        return "start" if self.start else "untuned"
+
+    @property
     def own_tune(self) -> tuple[str, ...]:
         """Names of the controller's own parameters to tune; none: those declared trainable."""
         return tuple(of_controller(dict.fromkeys(self.tune)))

@@ -1,4 +1,4 @@
-"""The tunings of the demonstration, each from untuned values: under a given pedal, and what each limit costs."""
+"""The tunings of the demonstration: under a given pedal, and what each limit costs."""
 
 import dataclasses
 from typing import Any
@@ -16,7 +16,8 @@ TUNED = ("eps0", "eps0_growth", "eps1", "eps2", "eps3", "eps4", "eps5", "u1", "u
 
 
 def limited() -> TuningConfig:
-    """Five phases under 400 bar/s, 750 bar/s, a lag of 5 ms and thresholds of 10 m/s^2, from the default set."""
+    """Five phases under 400 bar/s, 750 bar/s, a lag of 5 ms and thresholds of 10 m/s^2, from the default set
+    but for a first threshold that grows with speed."""
     return TuningConfig(
         start={"eps0_growth": 2.0},
         tune=TUNED,

@@ -43,7 +43,7 @@ def tuning_figures(result: TuningResult, folder: Path) -> list[Path]:
 def distances(result: TuningResult):
     """From the pedal, a panel for each of several cars; of one wheel the published quantity as well."""
     cars, alone = list(dict.fromkeys(row.car for row in result.rows)), result.config.vehicle is None
-    panels = len(cars) + alone
+    panels, began = len(cars) + alone, result.config.began
     figure, grid = plt.subplots(
         panels, 1, figsize=(11, 2.5 + 2.5 * panels), layout="constrained", sharex=True, squeeze=False
     )
@@ -55,11 +55,11 @@ def distances(result: TuningResult):
             (row for row in result.rows if row.car == car),
             key=lambda row: order[f"{row.road.replace('_', ' ')}\n{row.speed_kmh:g} km/h"],
         )
-        _bars(axes, place, _excess(rows, "distance", "ideal"))
+        _bars(axes, place, _excess(rows, began, "distance", "ideal"))
         axes.set(ylabel="from the pedal,\nabove ideal [%]", title=car.replace("_", " "))
     if alone:
         quantity = {"published": [_percent(row.published, row.published_ideal) for row in result.rows]}
-        _bars(grid[-1, 0], place, quantity | _excess(result.rows, "published_quantity", "published_ideal"))
+        _bars(grid[-1, 0], place, quantity | _excess(result.rows, began, "published_quantity", "published_ideal"))
         grid[-1, 0].set(ylabel="published quantity,\nabove its ideal [%]")
     for axes in grid[:, 0]:
         highest = max((bar.get_height() for bar in axes.patches), default=0.0)
@@ -70,11 +70,11 @@ def distances(result: TuningResult):
     return figure
 
 
-def _excess(rows: Sequence[ResultRow], figure: str, ideal: str) -> dict[str, list[float]]:
+def _excess(rows: Sequence[ResultRow], began: str, figure: str, ideal: str) -> dict[str, list[float]]:
     def of(stop_name: str) -> list[float]:
         return [_percent(getattr(getattr(row, stop_name), figure), getattr(row, ideal)) for row in rows]
 
-    return {"untuned": of("untuned"), "tuned": of("tuned"), "tuned, sampled": of("sampled")}
+    return {began: of("untuned"), "tuned": of("tuned"), "tuned, sampled": of("sampled")}
 
 
 def _percent(value: float | None, ideal: float | None) -> float:
@@ -116,7 +116,7 @@ def _cycle_pair(column, setup: Setup, result: TuningResult, road, speed: float) 
     (tyre,), _ = surfaces_of(road)
     every = max(1, round(2e-3 / setup.step))
     controllers = (setup.controller(), setup.controller(result.parameters))
-    for axes, controller, when in zip(column, controllers, ("untuned", "tuned")):
+    for axes, controller, when in zip(column, controllers, (result.config.began, "tuned")):
         loop = setup.loop(controller, tyre)
         stopped = stop(
             loop,
@@ -126,7 +126,7 @@ def _cycle_pair(column, setup: Setup, result: TuningResult, road, speed: float) 
             max_events=setup.config.max_events,
             save_every=every,
         )
-        phase_plane(axes, loop, stopped.rollout.path, color="C0" if when == "untuned" else "C1")
+        phase_plane(axes, loop, stopped.rollout.path, color="C1" if when == "tuned" else "C0")
         axes.axvline(-float(tyre.peak().slip), color="k", ls=":", lw=0.8)
         axes.axhline(0, color="k", ls=":", lw=0.8)
         axes.set_title(f"{name_of(road)}, {when}, first 3 s".replace("_", " "), fontsize=9)

@@ -54,19 +54,19 @@ def plot_stop(
     setting: Setting = LOCATED,
     untuned: bool = True,
 ) -> Figure:
-    """Speeds, slip, pressure and phases of a stop of a result, beside that of the untuned set; of several vehicles of
-    the first.
+    """Speeds, slip, pressure and phases of a stop of a result, beside that of the set the search began with; of several
+    vehicles of the first.
 
     Args:
         result: a result, or its file.
         road: as in a configuration (`tuning.core.roads`), of the result's rows or not.
         speed_kmh: initial speed [km/h].
         setting: how the loop is run.
-        untuned: whether the untuned set is drawn too.
+        untuned: whether the set the search began with is drawn too.
     """
     result = result if isinstance(result, TuningResult) else load_result(result)
     setup = result.setup
-    sets: dict[str, dict[str, float]] = {"untuned": {}} if untuned else {}
+    sets: dict[str, dict[str, float]] = {result.config.began: {}} if untuned else {}
     sets["tuned"] = result.parameters
     row = Row(road_entry(road), float(speed_kmh), result.config.pedal_rate)
     figure, grid = plt.subplots(

@@ -9,6 +9,7 @@ from tuning.core.report import cell
 
 def tuning_rows(result: TuningResult) -> list[dict[str, Any]]:
     """Distances from the pedal and their ideal; then the published quantity, which begins at the first switching."""
+    began = result.config.began
     sampled = f"sampled {result.config.sampled_period * 1e3:g} ms"
     return [
         {
@@ -17,7 +18,7 @@ def tuning_rows(result: TuningResult) -> list[dict[str, Any]]:
             "road": row.road,
             "pedal [bar/s]": "-" if row.pedal_bar_s is None else f"{row.pedal_bar_s:.0f}",
             "ideal": cell(row.ideal),
-            "untuned": stop_cell(row.untuned),
+            began: stop_cell(row.untuned),
             "tuned": stop_cell(row.tuned),
             sampled: stop_cell(row.sampled),
             "above ideal [%]": excess_cell(row),
@@ -26,7 +27,7 @@ def tuning_rows(result: TuningResult) -> list[dict[str, Any]]:
             "lock > 15 km/h [s]": cell(row.sampled.lock_s_above_15, 3),
             "slide > 15 km/h [s]": cell(row.sampled.slide_s_above_15, 3),
             "quantity: published": cell(row.published),
-            "untuned quantity": cell(row.untuned.published_quantity),
+            f"{began} quantity": cell(row.untuned.published_quantity),
             "tuned quantity": cell(row.tuned.published_quantity),
             "<= published": {True: "yes", False: "no", None: "-"}[row.reached],
         }
@@ -43,7 +44,7 @@ def split_rows(result: TuningResult) -> list[dict[str, Any]]:
     return [
         {
             "draws": row.split,
-            "set": row.which,
+            "set": row.which if row.which == "tuned" else result.config.began,
             "stops": row.stops,
             "mean above ideal [%]": above(row.mean),
             "worst 5 % [%]": above(row.worst),

@@ -16,7 +16,8 @@ from tuning.core.version import VERSION
 
 @dataclasses.dataclass(frozen=True)
 class ResultRow:
-    """A road, speed, pedal and vehicle: ideal and published distances [m], the stops of the start and of the tuned set.
+    """A road, speed, pedal and vehicle: ideal and published distances [m], the stops of the start (`untuned`) and of
+    the tuned set.
 
     `ideal` is from the pedal, None in results of earlier versions; `published_ideal` is v0^2 / (2 g mu_max), None on a
     road that changes; `published` is None where nothing is.
@@ -79,7 +80,7 @@ class TuningResult:
     interrupted: bool = False
     """whether the search was ended from the keyboard"""
     splits: list[SplitFigures] = dataclasses.field(default_factory=list)
-    """the untuned and the tuned set in training, validation and test draws; empty where it was tuned located"""
+    """the start (untuned) and the tuned set in training, validation and test draws; empty where it was tuned located"""
 
     @property
     def setup(self) -> Setup:

@@ -21,7 +21,7 @@ class SplitFigures:
 
     split: Split
     which: str
-    """untuned or tuned"""
+    """untuned, which is the start of the search, or tuned"""
     stops: int
     mean: float | None
     """over the stops that end; None where none does"""

@@ -67,7 +67,7 @@ def tune_abs(
             *short,
             *unstable_stops(rows),
             *of_another_step(rows),
-            *worse_apart(splits),
+            *worse_apart(splits, config.began),
             *breached,
         ],
         cycles=certify_cycles(problem.setup, parameters),
@@ -168,20 +168,23 @@ def of_another_step(rows: list[ResultRow]) -> list[str]:
     ]
 
 
-def worse_apart(splits: list[SplitFigures]) -> list[str]:
-    """A sentence where validation refutes a set: one it was not tuned on breaks a limit, or it is no better untuned."""
+def worse_apart(splits: list[SplitFigures], began: str) -> list[str]:
+    """A sentence where validation refutes a set: one it was not tuned on breaks a limit, or it is no better than what
+    the search began with.
+
+    Args:
+        began: what that is called (`tuning.controllers.config.TuningConfig.began`).
+    """
     untuned, tuned = ({row.which: row for row in splits if row.split == "validation"}.get(w) for w in WHICH)
     if untuned is None or tuned is None:
         return []
-    found = []
+    found, name = [], "the start" if began == "start" else f"the {began} one"
     if not tuned.feasible:
         found.append(f"in validation {_broken(tuned)}")
     if untuned.mean is not None and (tuned.mean is None or tuned.mean >= untuned.mean):
         means = " and ".join("-" if mean is None else f"{100 * (mean - 1):.1f}" for mean in (tuned.mean, untuned.mean))
-        but = "" if untuned.feasible else f"; of the untuned one {_broken(untuned)}, which no distance makes good"
-        found.append(
-            f"in validation the tuned set is no shorter than the untuned one, {means} % above ideal in the mean{but}"
-        )
+        but = "" if untuned.feasible else f"; of {name} {_broken(untuned)}, which no distance makes good"
+        found.append(f"in validation the tuned set is no shorter than {name}, {means} % above ideal in the mean{but}")
     return found
 
 
