@@ -13,7 +13,6 @@ from tuning.logs.vehicle_log import read_vehicle_log
 from tuning.vehicle.drive_log import Variant
 from tuning.vehicle.drive_log import drive as driven_by
 from tuning.vehicle.split_mu import checked, largest
-from tuning.vehicle.trade_off import charged
 
 
 def test_a_car_driven_by_the_log_of_another_finds_its_friction_and_its_motion(tmp_path):
@@ -41,15 +40,14 @@ def test_the_smooth_maximum_is_the_maximum():
     assert np.isfinite(jax.grad(largest)(jnp.zeros(5))).all()
 
 
-def test_a_yaw_rate_above_its_limit_costs_more_than_the_distance_it_saves():
-    costs, slope = jax.vmap(jax.value_and_grad(charged, argnums=1), (0, 0, 0))(
-        jnp.array([1.0, 1.0, 0.9]), jnp.array([0.99, 1.02, 0.9]), jnp.array([False, False, True])
-    )
-    np.testing.assert_allclose(costs, [1.0, 1.2, 10.9])
-    np.testing.assert_allclose(slope, [0.0, 10.0, 0.0])
-
-
-@pytest.mark.parametrize("right, speed, said", [("mud", 100.0, "'mud' is unknown"), ("snow", 10.0, "above 14.4 km/h")])
-def test_a_study_of_no_surface_or_speed_is_refused(right, speed, said):
+@pytest.mark.parametrize(
+    "right, speed, share, said",
+    [
+        ("mud", 100.0, 1.0, "'mud' is unknown"),
+        ("snow", 10.0, 1.0, "above 14.4 km/h"),
+        ("snow", 17.0, 0.8, "above 18 km/h"),
+    ],
+)
+def test_a_study_of_no_surface_or_speed_is_refused(right, speed, share, said):
     with pytest.raises(ConfigError, match=said):
-        checked(right, speed)
+        checked(right, speed, share)

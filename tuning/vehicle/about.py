@@ -43,10 +43,12 @@ SPLIT_MU = About(
     {
         "split mu": "From the pedal to the stop speed; yaw rate and side-slip are the largest on the way.",
         "split_mu.png": "Yaw rate and side-slip over time, and what distance is paid for less of them.",
-        "thresholds tuned": "Under each limit of the yaw rate, a driver steering: the best set found by gradient, as "
-        "it was tuned, in a control unit that ticks every millisecond, and from a speed it was not tuned at.",
-        "trade_off.png": "Distance over the largest yaw rate: of tuned sets, of the same sampled and from the other "
-        "speed, and of the shipped set.",
+        "shortest stops": "Under each limit of the yaw rate, a driver steering, distance and largest yaw rate of the "
+        "shortest stop among all sets that were judged: in which the car does not spin, and no wheel locks or slides "
+        "for long, located as in a control unit that ticks every millisecond. Then from a speed and on a road that it "
+        "was not tuned for; side-slip, longest lock and slide above 15 km/h are the worse of located and sampled.",
+        "trade_off.png": "Distance over the largest yaw rate: of all sets that were judged, with the front among them; "
+        "and of the sets of the limits wherever they were judged.",
     },
 )
 REGULATION = About(

@@ -46,7 +46,9 @@ def split_mu(
     out: Out,
     right: Annotated[str, typer.Option(help="Surface under the right wheels; dry asphalt is on the left.")] = "snow",
     speed: Annotated[float, typer.Option(help="km/h")] = 100.0,
-    tune: Annotated[bool, typer.Option("--tune", help="Tune thresholds under limits of the yaw rate.")] = False,
+    tune: Annotated[
+        bool, typer.Option("--tune", help="Search thresholds for the front of distance and yaw rate.")
+    ] = False,
     force: Force = False,
 ) -> None:
     """Braking on split mu: independent control, select-low behind, on both axles; held steering wheel and a driver."""
@@ -54,8 +56,9 @@ def split_mu(
     def work():
         from tuning.vehicle import lateral_tasks as tasks
         from tuning.vehicle.split_mu import checked
+        from tuning.vehicle.trade_off import ELSEWHERE
 
-        wanted = checked(right, speed)
+        wanted = checked(right, speed, ELSEWHERE if tune else 1.0)
         return (), lambda: tasks.split_mu(*wanted, out, tune=tune)
 
     carry_out(out, work, about=SPLIT_MU, force=force)

@@ -8,13 +8,13 @@ import numpy as np
 
 from absjax.sideslip.accelerometer import BodyAccelerometer
 from tuning.logs.vehicle_log import VehicleLog
+from tuning.vehicle.archive import Turned
 from tuning.vehicle.drive_log import Drive
 from tuning.vehicle.split_mu import Case
-from tuning.vehicle.trade_off import WHERES, Traded
+from tuning.vehicle.trade_off import Front
 
 YAW_RATES = 2, 5, 10, 20, 50, 100
 """Ticks, deg/s."""
-TRADE = ("largest yaw rate", "deg/s"), ("distance", "m")
 REAL, DRIVEN = {"color": "k", "ls": "--", "lw": 1.0}, {"color": "C0", "lw": 1.0}
 
 
@@ -84,27 +84,38 @@ def split_mu_figure(cases: Sequence[Case], title: str):
     return figure
 
 
-def trade_off_figure(traded: Sequence[Traded], cases: Sequence[Case], title: str):
-    """Distance over the largest yaw rate: tuned sets, sampled, from another speed; and the set they start from."""
-    figure, axes = plt.subplots(1, 2, figsize=(12, 5))
-    for i, wiring in enumerate(dict.fromkeys(one.wiring for one in traded)):
-        rows = [one.row for one in traded if one.wiring == wiring]
-        for panel, wheres in zip(axes, (WHERES[:2], WHERES[2:])):
-            for where, style in zip(wheres, ("o-", "s:")):
-                found = [[row[f"{what}{where} [{unit}]"] for row in rows] for what, unit in TRADE]
-                panel.plot(*found, style, color=f"C{i}", lw=0.6, ms=6, mfc="none", label=f"{wiring}, tuned{where}")
-                sound = [row["limit"] == "kept" and row["end"] != "spun" for row in rows]
-                panel.plot(*(np.array(values)[sound] for values in found), style[0], color=f"C{i}", ms=6)
+def trade_off_figure(fronts: Sequence[Front], cases: Sequence[Case], title: str):
+    """Distance over the largest yaw rate: all sets that were judged with the front among them, and the sets of the
+    limits wherever they were judged."""
+    figure, (whole, elsewhere) = plt.subplots(1, 2, figsize=(13, 5.5))
+    for i, found in enumerate(fronts):
+        colour, worse, front = f"C{i}", found.archive.worse, found.archive.front()
+        for those, filled in ((worse.sound, colour), (worse.spun, "none")):
+            whole.plot(*_traded(worse.taken(those)), "o", color=colour, mfc=filled, mew=0.5, ms=3, alpha=0.25, zorder=1)
+        along = {"drawstyle": "steps-pre", "color": colour, "lw": 1.8, "label": f"{found.wiring}, front"}
+        whole.plot(*_traded(worse.taken(front)), **along)
+        whole.plot(*_traded(worse.taken(found.chosen)), "o", color=colour, mec="k", ms=7)
+        for (where, judged), marker in zip(found.judged.items(), "os^D"):
+            label = f"{found.wiring}, {where}"
+            elsewhere.plot(*_traded(judged.taken(~judged.spun)), marker + ":", color=colour, lw=0.6, ms=6, label=label)
+            elsewhere.plot(*_traded(judged.taken(judged.spun)), marker, color=colour, mfc="none", ms=6)
         for case in cases:
-            if case.row["control"] == wiring and case.row["steering"] != "held" and case.row["end"] != "spun":
+            if case.row["control"] == found.wiring and case.row["steering"] != "held" and case.row["end"] != "spun":
                 at = case.row["largest yaw rate [deg/s]"], case.row["distance [m]"]
-                axes[0].plot(*at, "*", color=f"C{i}", ms=14, mec="k", label=f"{wiring}, shipped set")
-    for panel in axes:
+                whole.plot(*at, "*", color=colour, ms=14, mec="k", label=f"{found.wiring}, shipped set")
+    whole.set_title("all sets that were judged; large: the shortest stop under each limit", fontsize="medium")
+    elsewhere.set_title("the sets of the limits, and where they were not tuned", fontsize="medium")
+    for panel in (whole, elsewhere):
         panel.set(xlabel="largest yaw rate [deg/s]", ylabel="distance [m]", xscale="log", xticks=YAW_RATES)
         panel.xaxis.set_major_formatter("{x:g}")
         panel.xaxis.set_minor_formatter("")
         panel.grid(alpha=0.3)
-        panel.legend(fontsize="small", loc="lower left")
-    figure.suptitle(f"{title}: what distance is paid for less yaw\nhollow: the limit is not reached, or the car spins")
+        panel.legend(fontsize="x-small")
+    figure.suptitle(f"{title}: what distance is paid for less yaw\nhollow: the car spins")
     figure.tight_layout()
     return figure
+
+
+def _traded(turned: Turned) -> tuple[np.ndarray, np.ndarray]:
+    """Yaw rates [deg/s] and distances [m]."""
+    return np.degrees(turned.yaw_rate), turned.distance

@@ -15,7 +15,7 @@ from tuning.logs.vehicle_log import VehicleLog
 from tuning.vehicle import lateral_figures as figures
 from tuning.vehicle.drive_log import drive
 from tuning.vehicle.split_mu import study
-from tuning.vehicle.trade_off import TRADED, Traded, trade_off
+from tuning.vehicle.trade_off import TRADED, Front, trade_off
 
 
 def drive_log(log: VehicleLog, car: Car, out: Path) -> Report:
@@ -54,18 +54,36 @@ def split_mu(right: str, speed_kmh: float, out: Path, *, tune: bool = False) -> 
     """Report of braking on split mu: a row for each control and who steers, and a figure.
 
     Args:
-        tune: whether thresholds are tuned under limits of the yaw rate: another table and figure.
+        tune: whether the front of distance and yaw rate is searched for: another table and figure, and all sets judged.
     """
     cases = study(right, speed_kmh)
     title = f"split mu: dry asphalt left, {right.replace('_', ' ')} right, {speed_kmh:g} km/h"
     tables = {title: [case.row for case in cases]}
     files = [save(figures.split_mu_figure(cases, title), out / "split_mu.png")]
-    if tune:
-        traded: list[Traded] = []
-        for wiring in TRADED:
-            say_step(f"thresholds, {wiring} ...")
-            traded += trade_off(right, speed_kmh, wiring)
-        tables["thresholds tuned under limits of the yaw rate"] = [one.row for one in traded]
-        files.append(save(figures.trade_off_figure(traded, cases, title), out / "trade_off.png"))
-        files.append(write_json(out / "trade_off.json", {"sets": [one._asdict() for one in traded]}))
-    return Report(tables, [], files)
+    fronts = [_front(right, speed_kmh, wiring) for wiring in TRADED] if tune else []
+    if any(front.traded for front in fronts):
+        tables["shortest stops under limits of the yaw rate"] = [one.row for front in fronts for one in front.traded]
+    if fronts:
+        files.append(save(figures.trade_off_figure(fronts, cases, title), out / "trade_off.png"))
+        sets = [one._asdict() for front in fronts for one in front.traded]
+        files.append(write_json(out / "trade_off.json", {"sets": sets}))
+        files.append(out / "judged.csv")
+        pd.concat(map(_judged, fronts)).to_csv(files[-1], index=False, float_format="%.6g")
+    return Report(tables, [_counted(front) for front in fronts], files)
+
+
+def _front(right: str, speed_kmh: float, wiring: str) -> Front:
+    say_step(f"thresholds, {wiring} ...")
+    return trade_off(right, speed_kmh, wiring)
+
+
+def _counted(front: Front) -> str:
+    worse = front.archive.worse
+    count, spun, sound = len(front.archive.points), worse.spun.sum(), worse.sound.sum()
+    return f"{front.wiring}: of {count} sets that were judged {spun} spin; {sound} stop without long locks and slides"
+
+
+def _judged(front: Front) -> pd.DataFrame:
+    """All sets, at the worse of located and sampled, SI units, and their parameters."""
+    columns = {"control": front.wiring, **front.archive.worse._asdict(), **front.box.arrays(front.archive.points)}
+    return pd.DataFrame(columns)

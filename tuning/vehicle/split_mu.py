@@ -83,14 +83,15 @@ def largest(values):
     return jnp.sum(weights * size, axis=-1)
 
 
-def split_stop(loop: VehicleLoop, speed: Any, *, horizon: float, ticks: int = 0) -> SplitStop:
+def split_stop(loop: VehicleLoop, speed: Any, *, horizon: float, ticks: int = 0, max_events: int = 4000) -> SplitStop:
     """Brake from `speed` [m/s] and see how much the car turns; differentiable with respect to both.
 
     Args:
         horizon: longest time allowed [s].
         ticks: where given, the controllers sit in a control unit that ticks so many times in a grid step.
+        max_events: switchings a stop may make.
     """
-    how = {"horizon": horizon, "max_events": 4000}
+    how = {"horizon": horizon, "max_events": max_events}
     if ticks:
         every = SAVE_EVERY * ticks
         result = stop(SampledVehicle(loop), speed, step=STEP / ticks, save_every=every, **how)
@@ -118,16 +119,20 @@ class Case(NamedTuple):
     """rad"""
 
 
-def checked(right: str, speed_kmh: float) -> tuple[str, float]:
+def checked(right: str, speed_kmh: float, share: float = 1.0) -> tuple[str, float]:
     """Surface and speed [km/h] of a study.
 
+    Args:
+        share: of the speed, from which it also brakes.
+
     Raises:
-        ConfigError: if there is no such surface, or the speed is not above the stop speed and at most 200 km/h.
+        ConfigError: if there is no such surface, or a speed is not above the stop speed and at most 200 km/h.
     """
+    slowest = STOP_SPEED * 3.6 / share
     if right not in SURFACES:
         raise ConfigError(f"--right: {right!r} is unknown; there are {', '.join(SURFACES)}")
-    if not STOP_SPEED * 3.6 < speed_kmh <= 200.0:
-        raise ConfigError(f"--speed = {speed_kmh:g} must be above {STOP_SPEED * 3.6:g} km/h and at most 200")
+    if not slowest < speed_kmh <= 200.0:
+        raise ConfigError(f"--speed = {speed_kmh:g} must be above {slowest:g} km/h and at most 200")
     return right, speed_kmh
 
 
