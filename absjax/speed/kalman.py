@@ -79,7 +79,7 @@ class KalmanSpeed:
     unbraked: Any = parameter(
         "u, deceleration below which no wheel slips, m/s^2", default=0.3, span=(0.05, 10.0), **TUNED
     )
-    released: Any = parameter("p, pressure below which a brake is released, bar", default=1.0, low=0.0, open_low=True)
+    released: Any = parameter("p, pressure below which a brake is released, bar", default=1.0, low=0.01)
     slip: Any = parameter(
         "c, slip over deceleration, s^2/m", default=0.003, low=0.0, high=0.05, trainable=True, span=(0.0, 0.03)
     )
