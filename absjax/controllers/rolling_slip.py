@@ -8,7 +8,7 @@
 
 Wheels held at a slip of an estimate say nothing against it: where that falls behind the speed, as an accelerometer has
 it that reads a slope downhill as braking, they follow it down, and slide in the end. One that rolls now and then tells
-the speed. It is best one behind, where the least is lost, and stability won.
+the speed. By default none does within a stop: which wheels do, those behind say, is chosen with rolls_every.
 Source: ours, after what control units do to refresh their reference speed (Aguado-Rojas 2019, section 2.2.3).
 """
 

@@ -1,7 +1,7 @@
 """A Kalman filter for the vehicle's speed and the bias of its accelerometer.
 
     v' = a - b + noise,  b' = noise        a: as the accelerometer tells it
-    z_i = (1 - c_i a^) R w_i = v + noise   for each wheel i, a^ = a - b, 0 <= c_i <= c
+    z_i = (1 - c_i a^) R w_i = v + noise   for each wheel i, a^ = a - b, 0 <= c_i <= b_i c
 
 Between samples, with P the covariance and T the period,
 
@@ -10,7 +10,7 @@ Between samples, with P the covariance and T the period,
 and at a sample one scalar update for each wheel, the innovation e_i = z_i - v, its variance P_vv + R_i:
 
     R_i = r^2 (1 + x_i)^2,     x_i = s_i e_i^2 / (k^2 (P_vv + r^2)) + ((R w_i' - a^) / A)^2
-    s_i = (1 + (u / a^)^4)^-2 (1 + (p / P_i)^4)^-2     P_i: pressure of the wheel's brake, where it is told
+    s_i = (1 + (u / a^)^4)^-2 b_i,     b_i = (1 + (p / P_i)^4)^-2, P_i: pressure of the brake; 1 where it is not told
 
 x_i says that a wheel slips: by its innovation, in standard deviations k of those below and of those above the estimate,
 and by its own acceleration. A wheel that rolls has x_i near zero; one that slips is hardly counted, and the estimate
@@ -21,7 +21,7 @@ than the slip that control aims at, stays there: the wheels are let go of, roll,
 
 Rims lie below the speed while a car brakes: what lies above tells more. c is the slip of a braked wheel over the
 deceleration, zero where it is neglected. A wheel that control has let go of rolls without that slip: z_i is nearest to
-v between R w_i and (1 - c a^) R w_i, so that a slip it may not have lifts no estimate above its rim.
+v between R w_i and (1 - b_i c a^) R w_i, so that a slip it may not have lifts no estimate above its rim.
 
 Source: Aguado-Rojas 2019, section 3.6, for signals and bias, who takes the filter from Daiss and Kiencke 1995; how a
 wheel is told to slip, and c_i, are ours.
@@ -106,10 +106,10 @@ class KalmanSpeed:
         variance = variance + period * self.speed_drift**2
         covariance = state.covariance - period * state.bias_variance
         bias_variance = state.bias_variance + period * self.bias_drift**2
-        braked = (1.0,) * len(rims) if pressures is None else tuple(map(self.brakes, pressures))
+        braked = self._braked(pressures, len(rims))
         measured = [
-            (z, self.rim_variance(z - speed, change - car, variance, car, by_brake), lagged)
-            for z, change, lagged, by_brake in self._measured(state, speed, car, rims, period, braked)
+            (z, self.rim_variance(z - speed, change - car, variance, car, share), lagged)
+            for z, change, lagged, share in self._measured(state, speed, car, rims, period, braked)
         ]
         for z, noise, _ in measured:
             innovation, total = z - speed, variance + noise
@@ -120,17 +120,21 @@ class KalmanSpeed:
         return KalmanState(jnp.maximum(speed, self.least), bias, variance, covariance, bias_variance, lagged)
 
     def _measured(self, state: KalmanState, speed, car, rims, period, braked):
-        """Of each wheel the speed it tells, the acceleration of its rim, its speed behind the lag, s_i of its brake."""
-        for rim, lagged, by_brake in zip(rims, state.lagged, braked):
-            slipping = (1 - by_brake * self.slip * car) * rim
+        """Of each wheel the speed it tells, the acceleration of its rim, its speed behind the lag, and b_i."""
+        for rim, lagged, share in zip(rims, state.lagged, braked):
+            slipping = (1 - share * self.slip * car) * rim
             nearest = jnp.clip(speed, jnp.minimum(rim, slipping), jnp.maximum(rim, slipping))
-            yield nearest, *rim_acceleration(rim, lagged, self.lag, period), by_brake
+            yield nearest, *rim_acceleration(rim, lagged, self.lag, period), share
 
-    def brakes(self, pressure):
-        """What s_i has of the pressure P_i [bar]."""
-        return (pressure**4 / (pressure**4 + self.released**4)) ** 2
+    def _braked(self, pressures, wheels: int):
+        """b_i of the pressures [bar] of all wheels."""
+        if pressures is None:
+            return (1.0,) * wheels
+        if len(pressures) != wheels:
+            raise ValueError(f"{len(pressures)} pressures are given with the rims of {wheels} wheels")
+        return tuple((pressure**4 / (pressure**4 + self.released**4)) ** 2 for pressure in pressures)
 
-    def rim_variance(self, innovation, change, variance, car, by_brake=1.0):
+    def rim_variance(self, innovation, change, variance, car, braked=1.0):
         """R_i [m^2/s^2] of a wheel.
 
         Args:
@@ -138,13 +142,12 @@ class KalmanSpeed:
             change: acceleration of the rim less that of the car [m/s^2].
             variance: P_vv before the sample [m^2/s^2].
             car: a^, acceleration of the car [m/s^2].
-            by_brake: what s_i has of its pressure.
+            braked: b_i.
         """
         deviations = jnp.where(innovation < 0, self.below, self.above)
-        braked = by_brake * (car**4 / (car**4 + self.unbraked**4)) ** 2
-        slips = (
-            braked * innovation**2 / (deviations**2 * (variance + self.rim_noise**2)) + (change / self.deviation) ** 2
-        )
+        counts = braked * (car**4 / (car**4 + self.unbraked**4)) ** 2
+        outside = innovation**2 / (deviations**2 * (variance + self.rim_noise**2))
+        slips = counts * outside + (change / self.deviation) ** 2
         return self.rim_noise**2 * (1 + slips) ** 2
 
     def speed_of(self, state: KalmanState):

@@ -242,6 +242,8 @@ def test_a_released_wheel_that_turns_steadily_takes_the_estimate_to_its_rim_wher
     assert abs(error_of(truth, 0.0)) < 0.6
     assert min(error_of(truth, pressure) for pressure in (None, 8.0)) > 4.9
     assert error_of(truth - 10.0 + spun_up, 0.0) > 4.0
+    with pytest.raises(ValueError, match="2 pressures are given with the rims of 1 wheels"):
+        estimator.update(estimator.initial_state(20.0, 1), -4.0, (20.0,), PERIOD, (60.0, 0.0))
 
 
 def test_accelerometer():
