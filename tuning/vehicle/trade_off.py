@@ -203,7 +203,8 @@ def trade_off(
     """Search, and what came of it; where no set that fills the box is sound, that is the end.
 
     Args:
-        right, speed_kmh, wiring, controller: as for `Search`.
+        right: as for `Search`, and so `speed_kmh`, `wiring`, `controller`.
+        effort: how long is searched.
     """
     search = Search(right, speed_kmh, wiring, controller, effort.screened)
     if search.archive.front().size:
