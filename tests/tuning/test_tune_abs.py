@@ -263,7 +263,7 @@ def test_what_nobody_should_buy_is_charged():
         ({"roads": ["mud"]}, r"roads\[0\] = 'mud': surface 'mud' is unknown"),
         ({"roads": [[1.0, -2.0, 0.1]]}, r"roads\[0\] = .*: Burckhardt\.c2 = -2"),
         ({"roads": [[0.0, 1.0, 0.0]]}, r"c = \(0\.0, 1\.0, 0\.0\) has a peak friction of 0"),
-        ({"roads": []}, r"roads = \[\]: must have 1 entries at least, not 0"),
+        ({"roads": []}, r"roads = \[\]: must have 1 entry at least, not 0"),
         ({"roads": "snow"}, r"roads = 'snow': must be a list$"),
         ({"roads": [{"tyre": "michelin"}]}, r"tyre: 'michelin' is unknown; there are burckhardt, exponential_basis"),
         ({"roads": [{"tyre": "burckhardt", "parameters": {"c4": 1}}]}, r"parameters: 'c4' is unknown"),
@@ -294,7 +294,7 @@ def test_what_nobody_should_buy_is_charged():
         ({"limits": {"eps1": [5, 2]}}, r"limits\.eps1|start\.eps1"),
         ({"limits": {"eps1": [40, 50]}}, r"start\.eps1 = 30\.0 must be in \[40, 50\], its limits"),
         ({"sampled_period": 0}, r"sampled_period = 0: must be greater than 0"),
-        ({"cycle_speeds_kmh": []}, r"cycle_speeds_kmh = \[\]: must have 1 entries at least"),
+        ({"cycle_speeds_kmh": []}, r"cycle_speeds_kmh = \[\]: must have 1 entry at least"),
         ({"controller": "slip", "largest_contraction": 0.9}, r"largest_contraction = 0\.9 must be null: "),
         (
             {"controller": "slip", "start": {"slip": -0.2}, "tune": ["slip"], "limits": {"slip": [-2, 0]}},

@@ -14,8 +14,8 @@ LONGEST = 1000
 """Most entries of a list, and characters of a name."""
 KINDS = {"string": "name", "number": "number"}
 """What entries that have to be given are, by the word of a JSON schema."""
-LENGTHS = {"too_short": "{min_length} entries at least", "too_long": "{max_length} entries at most"}
-"""What a list must have, by the type of the error."""
+LENGTHS = {"too_short": ("min_length", "at least"), "too_long": ("max_length", "at most")}
+"""Where the error of a list has its bound, and on which side of that it has to be."""
 
 
 class ConfigError(ValueError):
@@ -108,7 +108,10 @@ def _sentence(error: Any, cls: type | None) -> str:
         return f"{entry} is missing" + (_wanted(cls, entry) if cls else "")
     message = error["msg"].replace("Input should be", "must be").replace("a valid tuple", "a list")
     if error["type"] in LENGTHS:
-        message = f"must have {LENGTHS[error['type']].format(**error['ctx'])}, not {error['ctx']['actual_length']}"
+        bound, side = LENGTHS[error["type"]]
+        count = error["ctx"][bound]
+        entries = f"{count} {'entry' if count == 1 else 'entries'}"
+        message = f"must have {entries} {side}, not {error['ctx']['actual_length']}"
     return f"{entry} = {shown(error['input'])}: {cause or message}"
 
 
