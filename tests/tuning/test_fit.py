@@ -7,7 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from tuning.core import interruption
 from tuning.core.box import Box
+from tuning.core.command import tuned
 from tuning.core.config import ConfigError
 from tuning.core.descent import Descent
 from tuning.core.evolution import refine
@@ -273,6 +275,30 @@ def test_interrupted_it_returns_the_best_there_is(count):
     assert found.interrupted and len(found.history) == min(count - 1, 40)
     best = float(Objective().costs(Bowls().losses(found.point[None]))[0])
     assert best <= float(Objective().costs(Bowls().losses(BOX.valid(problem.given)))[0])
+
+
+@pytest.mark.parametrize("changes", [{"batch": 6, "refinements": 2}, {"patience": 1, "refinements": 0}])
+def test_what_is_said_to_be_kept_is_what_an_interruption_keeps(changes, tmp_path):
+    """All along the search, whatever ends it; before its first iteration and after it there is nothing to write."""
+    problem, said = ManyBowls(), []
+    search = SearchConfig(**{**SEARCH.to_json(), **changes})
+
+    def telling(function):
+        def evaluate(*given):
+            said.append(interruption.kept())
+            return function(*given)
+
+        return evaluate
+
+    def run(progress, journal):
+        problem.judge, problem.costs_and_gradients = telling(problem.judge), telling(problem.costs_and_gradients)
+        fit(problem, search, progress=progress, journal=journal)
+        said.append(interruption.kept())
+
+    tuned("a command", search, tmp_path, run)
+    before, *during, after = (line for line in said if line != "nothing is found yet")
+    assert before == after == f"no result is written; every evaluation is kept in {tmp_path / 'journal'}"
+    assert len(during) > 2 and all("the best set by then is judged and written" in line for line in during)
 
 
 def test_more_than_there_is_is_refused():

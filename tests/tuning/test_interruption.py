@@ -3,11 +3,12 @@
 import signal
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 import typer
 
-from tuning.core import command
+from tuning.core import command, files, page, report
 from tuning.core.report import Report
 
 HEARING = """
@@ -100,6 +101,79 @@ def test_the_page_of_a_run_that_is_killed_between_its_parts_says_so(tmp_path):
         command.carry_out(tmp_path, lambda: ((), run))
     page = (tmp_path / "report.html").read_text()
     assert "the first" in page and "more was to come" in page
+
+
+def found_in(folder, **changes):
+    return Report({}, ["all of it"], [], results={folder / "result.json": {}})._replace(**changes)
+
+
+def interrupting(function, after):
+    """A function in which Ctrl-C is pressed, before it does anything or when it has."""
+    calls = []
+
+    def interrupted(*given, **named):
+        calls.append(given)
+        done = function(*given, **named) if after or len(calls) > 1 else None
+        if len(calls) == 1:
+            raise KeyboardInterrupt
+        return done
+
+    return interrupted
+
+
+@pytest.mark.parametrize("several", [False, True])
+@pytest.mark.parametrize("after", [False, True])
+@pytest.mark.parametrize("where", [(report, "write_tables"), (page, "write_page"), (files, "write_json")])
+def test_a_result_is_not_lost_where_its_page_is_being_written(where, after, several, tmp_path, monkeypatch, capsys):
+    """Only a run that was to give more is said to have been ended."""
+    module, name = where
+    monkeypatch.setattr(module, name, interrupting(getattr(module, name), after))
+    with pytest.raises(typer.Exit) as left:
+        command.carry_out(tmp_path, lambda: ((), lambda: iter([found_in(tmp_path)]) if several else found_in(tmp_path)))
+    text = (tmp_path / "report.html").read_text()
+    assert left.value.exit_code == 130 and (tmp_path / "result.json").read_text() == "{}\n"
+    assert "all of it" in text and ("ended from the keyboard" in text) == several and "more was to come" not in text
+    assert ("what came before is on a page" if several else "all of it is on a page") in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("several", [False, True])
+def test_the_page_is_written_again_only_where_more_was_to_come(several, tmp_path, monkeypatch):
+    written, write = [], page.write_page
+    monkeypatch.setattr(page, "write_page", lambda *x, ended: written.append(ended) or write(*x, ended=ended))
+    command.carry_out(tmp_path, lambda: ((), lambda: iter([found_in(tmp_path)]) if several else found_in(tmp_path)))
+    assert written == ([False, True] if several else [True])
+
+
+def pressed(answer):
+    """A run of a search in which Ctrl-C is pressed: before its first evaluation or later, with nothing or something
+    to give."""
+
+    def run(progress, journal):
+        if answer != "at once":
+            journal.evaluate(lambda: 1.0)
+        if answer == "found":
+            return Report({}, ["the best by then"], [], interrupted=True)
+        raise KeyboardInterrupt
+
+    return run
+
+
+@pytest.mark.parametrize("resume", [None, False])
+@pytest.mark.parametrize("answer", ["at once", "nothing", "found"])
+def test_only_a_run_that_can_go_on_is_said_to(answer, resume, tmp_path, capsys):
+    """Not one of a command without --resume, nor one that found the journal of another in its folder."""
+    (tmp_path / "journal").write_text("of another run")
+    wanted = SimpleNamespace(rounds=1, starts=1, to_json=dict)
+    with pytest.raises(typer.Exit) as left:
+        command.carry_out(
+            tmp_path,
+            lambda: ((), lambda: command.tuned("a command", wanted, tmp_path, pressed(answer))),
+            force=True,
+            resume=resume,
+        )
+    assert left.value.exit_code == 130
+    goes_on = answer != "at once" and resume is not None
+    assert ("go on with --resume" in capsys.readouterr().out) == goes_on
 
 
 @pytest.mark.parametrize("killed_in", ["write_page", "write_json"])

@@ -3,13 +3,16 @@
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from tuning.core.about import About
-from tuning.core.interruption import INTERRUPTED, interruptible, keeping
+from tuning.core.interruption import INTERRUPTED, answered, interruptible, keeping
 from tuning.core.terminal import bar, clear_errors, print_report, say
+
+if TYPE_CHECKING:
+    from tuning.core.report import Report
 
 __all__ = ["Force", "Out", "Resume", "carry_out", "configuration", "journal_path", "say", "tune", "tuned"]
 
@@ -20,6 +23,7 @@ Work = Callable[[], tuple[Sequence[Path | None], Callable[[], Any]]]
 """Says which files it reads, and gives what makes a report, or reports as they come."""
 Run = Callable[[Any, Any], Any]
 """Makes a report, from where to tell of its progress and the journal it keeps."""
+GO_ON = "; go on with --resume"
 
 
 def carry_out(
@@ -29,7 +33,7 @@ def carry_out(
     about: About | None = None,
     source: Path | None = None,
     force: bool = False,
-    resume: bool = False,
+    resume: bool | None = None,
 ) -> None:
     """Do the work of a command: checked before it begins, what it finds printed and reported, errors said in a line.
 
@@ -38,46 +42,75 @@ def carry_out(
     Args:
         about: what the command says of itself on that page; its help if None.
         source: the file of the configuration, for messages.
+        resume: whether the run in the folder goes on; None of a command whose runs cannot.
     """
     with clear_errors(source), interruptible():
         from tuning.core.compilation import drop_if_many
-        from tuning.core.files import require_folder, write_json
-        from tuning.core.page import write_page
-        from tuning.core.report import write_tables
+        from tuning.core.files import require_folder
 
-        begun, reports, page = time.monotonic(), [], out / "report.html"
-
-        def told(*, ended: bool) -> None:
-            write_page(page, reports, about, time.monotonic() - begun, ended=ended)
-
+        kept, more = _Kept(out, about), True
         try:
             inputs, run = work()
-            require_folder(out, inputs, force=force, resume=resume)
+            require_folder(out, inputs, force=force, resume=bool(resume))
             found = run()
+            more = isinstance(found, Iterator)
             for report in found if isinstance(found, Iterator) else (found,):
-                reports.append(report._replace(files=[*report.files, *write_tables(report, out / "tables")]))
-                # A run that is killed leaves a result with the page that tells of it, or none.
-                for path in report.results:
-                    path.unlink(missing_ok=True)
-                told(ended=found is report)
-                for path, data in report.results.items():
-                    write_json(path, data)
-                print_report(reports[-1])
+                kept.add(report, ended=not more)
+                print_report(kept.reports[-1])
                 drop_if_many()
                 if report.interrupted:
                     break
-            told(ended=True)
-        except KeyboardInterrupt:
-            if reports:
-                reports[-1] = reports[-1]._replace(interrupted=True)
-                told(ended=True)
-            more = f"; what came before is on a page: {page}" if reports else ""
-            say(f"interrupted{more}" + ("; go on with --resume" if journal_path(out).exists() else ""))
+            if more:
+                more = False
+                kept.write(ended=True)
+        except KeyboardInterrupt as interruption:
+            if kept.reports:
+                kept.write(ended=True, interrupted=more)
+            what = f"; {'what came before' if more else 'all of it'} is on a page: {kept.page}" if kept.reports else ""
+            begun = more and resume is not None and GO_ON in getattr(interruption, "__notes__", ())
+            say(f"interrupted{what}{GO_ON if begun else ''}")
             raise typer.Exit(INTERRUPTED) from None
-        say(f"done in {time.monotonic() - begun:.0f} s; all of it on a page: {page}")
-        if reports[-1].interrupted:
-            say("interrupted: this is the best there is; go on with --resume")
+        say(f"done in {time.monotonic() - kept.begun:.0f} s; all of it on a page: {kept.page}")
+        if kept.reports[-1].interrupted:
+            say(f"interrupted: this is the best there is{'' if resume is None else GO_ON}")
             raise typer.Exit(INTERRUPTED)
+
+
+class _Kept:
+    """What a run has found, in its folder: tables, the page, and last the results that the page tells of."""
+
+    def __init__(self, out: Path, about: About | None):
+        self.out, self.about, self.page, self.begun = out, about, out / "report.html", time.monotonic()
+        self.reports: list[Report] = []
+        self._unwritten: dict[Path, Any] = {}
+
+    def add(self, report: "Report", *, ended: bool) -> None:
+        """Keep a further report."""
+        self.reports.append(report)
+        self._unwritten |= report.results
+        self.write(ended=ended)
+
+    def write(self, *, ended: bool, interrupted: bool = False) -> None:
+        """Write what is not written yet, and the page anew.
+
+        Args:
+            ended: whether there is no more to come.
+            interrupted: whether the last report is what an interruption has left.
+        """
+        from tuning.core.files import write_json
+        from tuning.core.page import write_page
+        from tuning.core.report import write_tables
+
+        last = self.reports[-1]
+        files = dict.fromkeys([*last.files, *write_tables(last, self.out / "tables")])
+        self.reports[-1] = last._replace(files=list(files), interrupted=last.interrupted or interrupted)
+        # A run that is killed leaves no result without its page.
+        for path in self._unwritten:
+            path.unlink(missing_ok=True)
+        write_page(self.page, self.reports, self.about, time.monotonic() - self.begun, ended=ended)
+        for path, data in list(self._unwritten.items()):
+            write_json(path, data)
+            del self._unwritten[path]
 
 
 def tune(
@@ -129,25 +162,22 @@ def tuned(
     from tuning.core.journal import Journal
 
     identity = {"command": command, "config": wanted.to_json(), **(of or {})}
-    journal, searching = Journal(journal_path(out), identity, resume=resume), True
+    journal = Journal(journal_path(out), identity, resume=resume)
 
     def kept() -> str:
         if not journal.begun:
             return "nothing is found yet"
-        what = "the best set by then, if there is one, is judged and written" if searching else "no result is written"
-        return f"{what}; every evaluation is kept in {journal.path} for --resume"
+        what = "the best set by then is judged and written" if answered() else "no result is written"
+        return f"{what}; every evaluation is kept in {journal.path}"
 
-    with (
-        keeping(kept),
-        bar(f"{command}: {wanted.rounds} iterations and generations, {wanted.starts} starts") as progress,
-    ):
-
-        def told(done: int, total: int, cost: float) -> None:
-            nonlocal searching
-            searching = done < total
-            progress(done, total, cost)
-
-        return run(told, journal)
+    label = f"{command}: {wanted.rounds} iterations and generations, {wanted.starts} starts"
+    try:
+        with keeping(kept), bar(label) as progress:
+            return run(progress, journal)
+    except KeyboardInterrupt as interruption:
+        if journal.begun:
+            interruption.add_note(GO_ON)
+        raise
 
 
 def journal_path(out: Path) -> Path:

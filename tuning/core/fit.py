@@ -16,6 +16,7 @@ from pydantic import Field
 from tuning.core.config import Count, Entries, Limits, Names, NonNegative, Positive, Values, Whole, config, require
 from tuning.core.descent import Descent, Method, Progress
 from tuning.core.evolution import Evolution
+from tuning.core.interruption import answering
 from tuning.core.journal import Journal
 from tuning.core.objective import Name
 from tuning.core.problem import Problem
@@ -139,7 +140,8 @@ class _Fit:
     def run(self) -> Fitted:
         interrupted = False
         try:
-            self._search()
+            with answering(lambda: bool(self.descent.history)):
+                self._search()
         except KeyboardInterrupt:
             if not self.descent.history:
                 raise

@@ -19,6 +19,7 @@ INTERRUPTED = 130
 SHORTLY = 0.05
 """After which an interruption that was swallowed comes again, s."""
 _kept: list[Callable[[], str]] = [lambda: "what is written stays"]
+_answering: list[Callable[[], bool]] = []
 
 
 @contextlib.contextmanager
@@ -29,6 +30,26 @@ def keeping(what: Callable[[], str]) -> Iterator[None]:
         yield
     finally:
         _kept.remove(what)
+
+
+def kept() -> str:
+    """What whoever interrupts now is told is kept."""
+    return _kept[-1]()
+
+
+@contextlib.contextmanager
+def answering(found: Callable[[], bool]) -> Iterator[None]:
+    """Within, a search answers an interruption with the best there is, if anything is found."""
+    _answering.append(found)
+    try:
+        yield
+    finally:
+        _answering.remove(found)
+
+
+def answered() -> bool:
+    """Whether an interruption is answered by a search that has found something."""
+    return any(found() for found in _answering)
 
 
 @contextlib.contextmanager
@@ -73,7 +94,7 @@ def _answer(pipe: int, repeated: list[int]) -> None:
             continue
         heard += numbers[0] == signal.SIGINT
         if heard == 1:
-            say(f"stopping when what is computed now has ended; {_kept[-1]()}. Ctrl-C again ends at once")
+            say(f"stopping when what is computed now has ended; {kept()}. Ctrl-C again ends at once")
         elif heard > 1:
             console.show_cursor(True)
             say("ended")
