@@ -14,8 +14,10 @@ from absjax.loop.driver import Driver
 from absjax.loop.vehicle_loop import VehicleLoop
 from absjax.plant.steering import YawDriver
 from absjax.tyres.surfaces import surface
+from tuning.core.box import Box
 from tuning.vehicle import trade_off
 from tuning.vehicle.archive import Archive, Turned
+from tuning.vehicle.lateral_figures import trade_off_figure
 from tuning.vehicle.split_mu import BRAKE, SPUN, WIRINGS, longest_stop, split_car, split_stop
 from tuning.vehicle.trade_off import Effort, Search, charged, front_of
 
@@ -114,6 +116,31 @@ def test_a_search_improves_on_its_screening_and_gives_no_stop_of_a_car_that_spin
     assert np.all(np.any(visited[0] != visited[-1], axis=1))
     monkeypatch.setattr(trade_off, "_turned", lambda *x: model(*x)._replace(ended=np.zeros(len(x[1]), bool)))
     assert not trade_off.trade_off("snow", 100.0, "independent").traded
+
+
+def test_the_figure_has_every_set_and_tells_stops_from_others():
+    """Left: sound sets filled, those that spin hollow, all others with a mark of their own. Right: filled are stops."""
+    yaw_rate = np.radians([4.0, 5.0, 6.0, 7.0, 8.0])
+    side_slip, lock = np.array([0.1, 1.1 * SPUN, 0.1, 0.1, 0.1]), np.array([0.0, 0.0, 0.3, 0.0, 0.0])
+    slide, ended = np.array([0.0, 0.0, 0.0, 0.6, 0.0]), np.array([True, True, True, True, False])
+    distance = np.linspace(60.0, 64.0, 5)
+    judged = turned(distance=distance, yaw_rate=yaw_rate, side_slip=side_slip, lock=lock, slide=slide, ended=ended)
+    archive = Archive(np.zeros((5, 1)), judged, judged)
+    box = Box(("eps0",), (1.0,), (2.0,))
+    front = trade_off.Front("independent", box, archive, archive.front(), {"as tuned": judged}, [])
+    left, right = trade_off_figure([front], [], "split mu").axes
+
+    def drawn(axes, looks):
+        lines = [line for line in axes.lines if looks(line)]
+        return sorted(round(float(x)) for line in lines for x in np.asarray(line.get_xdata()))
+
+    assert drawn(left, lambda line: line.get_marker() == "x") == [6, 7, 8]
+    assert drawn(left, lambda line: line.get_markerfacecolor() == "none" and line.get_marker() == "o") == [5]
+    assert set(drawn(left, lambda line: line.get_marker() == "o" and line.get_markerfacecolor() != "none")) == {4}
+    legend = left.get_legend()
+    assert legend is not None and any("locks or slides" in text.get_text() for text in legend.get_texts())
+    assert drawn(right, lambda line: line.get_markerfacecolor() == "none") == [5, 8]
+    assert drawn(right, lambda line: line.get_markerfacecolor() != "none") == [4, 6, 7]
 
 
 def test_the_sets_of_the_limits_keep_them_when_they_are_rolled_out_again(monkeypatch):

@@ -88,6 +88,10 @@ def trade_off_figure(fronts: Sequence[Front], cases: Sequence[Case], title: str)
     """Distance over the largest yaw rate: all sets that were judged with the front among them, and the sets of the
     limits wherever they were judged."""
     figure, (whole, elsewhere) = plt.subplots(1, 2, figsize=(13, 5.5))
+    every = [found.archive.worse for found in fronts]
+    unsound = [_traded(worse.taken(~worse.sound & ~worse.spun)) for worse in every]
+    grey = {"color": "grey", "mew": 0.5, "ms": 3, "alpha": 0.5, "zorder": 0}
+    whole.plot(*np.concatenate(unsound, axis=1), "x", **grey, label="a wheel locks or slides for long, or no stop")
     for i, found in enumerate(fronts):
         colour, worse, front = f"C{i}", found.archive.worse, found.archive.front()
         for those, filled in ((worse.sound, colour), (worse.spun, "none")):
@@ -96,9 +100,9 @@ def trade_off_figure(fronts: Sequence[Front], cases: Sequence[Case], title: str)
         whole.plot(*_traded(worse.taken(front)), **along)
         whole.plot(*_traded(worse.taken(found.chosen)), "o", color=colour, mec="k", ms=7)
         for (where, judged), marker in zip(found.judged.items(), "os^D"):
-            label = f"{found.wiring}, {where}"
-            elsewhere.plot(*_traded(judged.taken(~judged.spun)), marker + ":", color=colour, lw=0.6, ms=6, label=label)
-            elsewhere.plot(*_traded(judged.taken(judged.spun)), marker, color=colour, mfc="none", ms=6)
+            label, stops = f"{found.wiring}, {where}", judged.ended & ~judged.spun
+            elsewhere.plot(*_traded(judged.taken(stops)), marker + ":", color=colour, lw=0.6, ms=6, label=label)
+            elsewhere.plot(*_traded(judged.taken(~stops)), marker, color=colour, mfc="none", ms=6)
         for case in cases:
             if case.row["control"] == found.wiring and case.row["steering"] != "held" and case.row["end"] != "spun":
                 at = case.row["largest yaw rate [deg/s]"], case.row["distance [m]"]
@@ -111,7 +115,7 @@ def trade_off_figure(fronts: Sequence[Front], cases: Sequence[Case], title: str)
         panel.xaxis.set_minor_formatter("")
         panel.grid(alpha=0.3)
         panel.legend(fontsize="x-small")
-    figure.suptitle(f"{title}: what distance is paid for less yaw\nhollow: the car spins")
+    figure.suptitle(f"{title}: what distance is paid for less yaw\nhollow: the car spins; right: or does not stop")
     figure.tight_layout()
     return figure
 
