@@ -44,7 +44,7 @@ class SpeedEstimator(Protocol):
             acceleration: as the accelerometer tells it [m/s^2].
             rims: rim speeds R w of the wheels [m/s].
             period: since the last sample [s].
-            pressures: of the brakes of the wheels [bar], who can tell wheels that are not braked; None: not told.
+            pressures: of the brakes, one for each rim [bar]; None where they are not told.
         """
         ...
 

@@ -132,9 +132,9 @@ class KalmanSpeed:
             return (1.0,) * wheels
         if len(pressures) != wheels:
             raise ValueError(f"{len(pressures)} pressures are given with the rims of {wheels} wheels")
-        return tuple((pressure**4 / (pressure**4 + self.released**4)) ** 2 for pressure in pressures)
+        return tuple(_beyond(pressure, self.released) for pressure in pressures)
 
-    def rim_variance(self, innovation, change, variance, car, braked=1.0):
+    def rim_variance(self, innovation, change, variance, car, braked):
         """R_i [m^2/s^2] of a wheel.
 
         Args:
@@ -145,7 +145,7 @@ class KalmanSpeed:
             braked: b_i.
         """
         deviations = jnp.where(innovation < 0, self.below, self.above)
-        counts = braked * (car**4 / (car**4 + self.unbraked**4)) ** 2
+        counts = braked * _beyond(car, self.unbraked)
         outside = innovation**2 / (deviations**2 * (variance + self.rim_noise**2))
         slips = counts * outside + (change / self.deviation) ** 2
         return self.rim_noise**2 * (1 + slips) ** 2
@@ -157,3 +157,8 @@ class KalmanSpeed:
     def acceleration_of(self, state: KalmanState, acceleration):
         """a - b^ [m/s^2]."""
         return acceleration - state.bias
+
+
+def _beyond(value, threshold):
+    """(1 + (threshold / value)^4)^-2: near zero below the threshold, near 1 beyond it; 0 at the value 0."""
+    return (value**4 / (value**4 + threshold**4)) ** 2

@@ -11,6 +11,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Iterator
+from typing import Any
 
 from tuning.core.terminal import console, say
 
@@ -23,13 +24,17 @@ _answering: list[Callable[[], bool]] = []
 
 
 @contextlib.contextmanager
-def keeping(what: Callable[[], str]) -> Iterator[None]:
-    """Within, whoever interrupts is told what is kept."""
-    _kept.append(what)
+def _among(entries: list[Any], entry: Any) -> Iterator[None]:
+    entries.append(entry)
     try:
         yield
     finally:
-        _kept.remove(what)
+        entries.remove(entry)
+
+
+def keeping(what: Callable[[], str]) -> contextlib.AbstractContextManager[None]:
+    """Within, whoever interrupts is told what is kept."""
+    return _among(_kept, what)
 
 
 def kept() -> str:
@@ -37,14 +42,9 @@ def kept() -> str:
     return _kept[-1]()
 
 
-@contextlib.contextmanager
-def answering(found: Callable[[], bool]) -> Iterator[None]:
+def answering(found: Callable[[], bool]) -> contextlib.AbstractContextManager[None]:
     """Within, a search answers an interruption with the best there is, if anything is found."""
-    _answering.append(found)
-    try:
-        yield
-    finally:
-        _answering.remove(found)
+    return _among(_answering, found)
 
 
 def answered() -> bool:
