@@ -90,18 +90,18 @@ def test_tests_that_count_are_the_shortest_within_5_percent():
 
 
 def course_of(**changes) -> Course:
-    sound = {"utilised": 0.6, "rate": 0.6, "lock": 0.1, "slide": 0.2, "steerability": 0.5, "passed": 40 * KMH}
+    sound = {"utilised": 0.6, "rate": 0.6, "lock": 0.1, "slide": 0.2, "steerability": 0.5, "held": 0.4}
     sound |= {"steered_soon": 0.05, "steered": 0.06, "clearance": 0.6, "yaw": 0.02, "yaw_rate": 0.1, "side_slip": 0.01}
-    sound |= {"outcome": Outcome.STOPPED}
+    sound |= {"passed": 40 * KMH, "outcome": Outcome.STOPPED}
     return Course(**{**sound, **changes})
 
 
-def judged(laden, change, turning=screening.ANY):
+def judged(laden, change, limits=screening.FREE):
     """The rows of stops of which each has a course of its own."""
     car = adhesion.straight_ahead(CAR, surfaces()["high"], laden=laden)
     known = screening.Adhesions({laden: Weights.of(car)}, {laden: {"high": (0.8, 0.8), "low": (0.3, 0.3)}})
     lanes = [lane for lane in lanes_of(on_car(TuningConfig(), CAR, laden=laden).driver) if lane.laden == laden]
-    found = screening.quantities(laden, [(lane, course_of(**change(lane.stop))) for lane in lanes], known, 0.2, turning)
+    found = screening.quantities(laden, [(lane, course_of(**change(lane.stop))) for lane in lanes], known, 0.2, limits)
     return {(row.surface, row.quantity): row for row in (screening.row_of("car", laden, q) for q in found)}
 
 
@@ -119,13 +119,16 @@ def test_rows_and_their_verdicts():
     assert not any(name in quantity for _, quantity in judged(False, lambda stop: {}) for name in screening.SPLIT)
 
 
-def test_limits_on_how_much_the_car_turns_are_told_and_kept_where_given():
+def test_limits_of_ours_are_told_and_kept_where_given():
     told = judged(True, lambda stop: {"yaw_rate": 0.2, "side_slip": 0.05})
     assert told["split", "largest yaw rate [deg/s]"].passed is None
-    kept = judged(True, lambda stop: {"yaw_rate": 0.2, "side_slip": 0.05}, screening.Turning(10.0, 3.0))
+    kept = judged(True, lambda stop: {"yaw_rate": 0.2, "side_slip": 0.05}, screening.Limits(10.0, 3.0))
     assert kept["split", "largest yaw rate [deg/s]"].reached == pytest.approx(math.degrees(0.2))
     assert kept["split", "largest yaw rate [deg/s]"].passed is False
     assert kept["split", "largest side-slip [deg]"].passed and kept["split", "largest side-slip [deg]"].demanded == 3.0
+    assert kept["low", screening.HELD].passed is None
+    held = judged(False, lambda stop: {"held": 0.2 if stop.speed > 55.7 else 0.4}, screening.Limits(held=0.25))
+    assert held["low", screening.HELD].reached == 0.2 and held["high", screening.HELD].passed is False
     with pytest.raises(ConfigError, match="largest_yaw_rate is a limit of the screening"):
         VehicleEntry(largest_yaw_rate=10.0)
 
@@ -142,7 +145,7 @@ def test_long_locks_and_slides_fail_by_name():
     assert tasks.verdict(list(lost.values())) == (
         "rows failed, car",
         [
-            "car: 1 of 24 rows failed: lock from 50 (split, unladen)",
+            "car: 1 of 26 rows failed: lock from 50 (split, unladen)",
             "car: not by 5 %: utilisation of adhesion (high, unladen)",
         ],
     )
@@ -204,9 +207,9 @@ def test_every_set_is_screened_under_every_error_on_all_cars(monkeypatch, tmp_pa
     (lines,) = report.tables.values()
     found = {(row["told"], row["set"]): tuple(row[name] for name in list(row)[2:]) for row in lines}
     assert len(found) == len(lines) == 15 and [path.name for path in report.files] == ["screening.csv"]
-    assert found["a slope of 3 % downwards begins", "untuned"] == ("0, 1", "0.75", "0.60", "0.50")
-    assert found["turned on by the pedal", "of the car"] == ("2, 2", "0.75", "0.10", "0.20")
-    assert found["scale 5 % too large", "tuned"] == ("0, 0", "0.75", "0.10", "0.50")
+    assert found["a slope of 3 % downwards begins", "untuned"] == ("0, 1", "0.75", "0.60", "0.50", "0.40")
+    assert found["turned on by the pedal", "of the car"] == ("2, 2", "0.75", "0.10", "0.20", "0.40")
+    assert found["scale 5 % too large", "tuned"] == ("0, 0", "0.75", "0.10", "0.50", "0.40")
 
 
 def test_too_good_a_utilisation_doubts_the_adhesion():
@@ -240,15 +243,16 @@ class Slipping(NamedTuple):
 
 @pytest.mark.parametrize("deep", [0, 2])
 def test_steerability_is_that_of_the_axle_with_less_left(deep):
-    """Either axle may have it; only between 45 and 15 km/h."""
-    slips = np.full((4, 4), -0.05)
-    slips[:, deep : deep + 2] = [[-1.0, -1.0], [-0.3, -0.1], [-0.2, -0.25], [-1.0, -1.0]]
-    states = Slipping(Motion(np.array([20.0, 12.0, 8.0, 3.0]), np.zeros(4)), slips)
+    """Either axle may have it; only between 45 and 15 km/h, and in the least of two points that follow each other."""
+    slips = np.full((5, 4), -0.05)
+    slips[:, deep : deep + 2] = [[-1.0, -1.0], [-0.3, -0.1], [-0.2, -0.25], [0.0, 0.0], [-1.0, -1.0]]
+    states = Slipping(Motion(np.array([20.0, 12.0, 8.0, 5.0, 3.0]), np.zeros(5)), slips)
     road = roads(("high", "high"), ("high", "high"))[0]
     car: Any = SimpleNamespace(roads=(road,) * 4, slips=lambda time, state: [(slip, 0.0) for slip in state.slips])
-    left = [float(lateral_share(road, slip, 0.0, 0.0)) for slip in (-0.3, -0.1, -0.2, -0.25)]
-    found = jax.jit(lambda states: steerability(car, np.zeros(4), states))(states)
-    assert float(found) == pytest.approx(np.mean(left), rel=1e-12)
+    left = [float(lateral_share(road, slip, 0.0, 0.0)) for slip in (-0.3, -0.1, -0.2, -0.25, 0.0, 0.0)]
+    mean, least = jax.jit(lambda states: steerability(car, np.zeros(5), states, held=2))(states)
+    assert float(mean) == pytest.approx(np.mean(left), rel=1e-12)
+    assert float(least) == pytest.approx(np.mean(left[:4]), rel=1e-12)
 
 
 def test_time_to_a_high_deceleration():
@@ -309,8 +313,8 @@ def test_sets_are_screened_together_on_every_car(monkeypatch):
         speeds = jnp.repeat(jnp.array([lane.stop.speed for lane in lanes]), sets)
         return Told(speeds, loops.channels[2].controller.slip * loops.vehicle.mass)
 
-    def rows(loops, lanes, stops, known, turning):
-        assert turning == (None, 4.0)
+    def rows(loops, lanes, stops, known, limits):
+        assert limits == (None, 4.0, None)
         found = {"demanded": 50.0, "outcomes": ()}
         for i in (0, len(lanes) - 1):
             yield (

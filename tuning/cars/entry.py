@@ -80,6 +80,7 @@ class VehicleEntry(Entries):
             (`tuning.controllers.regulation`).
         largest_yaw_rate, largest_side_slip: what it allows on the split road besides, a driver steering [deg/s, deg];
             None: any.
+        least_steerability: what the half second that has least of it must leave besides; None: any.
         accelerometer_bias, accelerometer_noise: of the control unit's [m/s^2], where it estimates the speed.
         accelerometer_gain: share by which it tells more: its scale, and what is left of the body's pitch.
         accelerometer_slope: by which it tells more from where the manoeuvre begins, as on a road that begins to rise
@@ -99,6 +100,7 @@ class VehicleEntry(Entries):
     regulation: Flag = False
     largest_yaw_rate: Positive | None = None
     largest_side_slip: Positive | None = None
+    least_steerability: Annotated[Positive, Field(lt=1.0)] | None = None
     accelerometer_bias: Real = 0.5
     accelerometer_noise: NonNegative = 0.1
     accelerometer_gain: Annotated[Real, Field(gt=-1.0)] = 0.02
@@ -111,7 +113,7 @@ class VehicleEntry(Entries):
         choice("vehicle.sets", self.sets, SETS)
         if self.wheels not in WIRINGS[self.wiring]:
             raise ConfigError(f"vehicle.wiring = {self.wiring!r} needs the model four_wheel")
-        for name in ("largest_yaw_rate", "largest_side_slip"):
+        for name in ("largest_yaw_rate", "largest_side_slip", "least_steerability"):
             if getattr(self, name) is not None and not self.regulation:
                 raise ConfigError(f"vehicle.{name} is a limit of the screening: it needs regulation = true")
         require("vehicle.car", len(self.cars), FEWEST <= len(self.cars) <= MOST, f"{FEWEST} to {MOST} cars")

@@ -26,8 +26,8 @@ from tuning.vehicle.regulation.lanes import Clocked, Lane, lanes_of, loops_of, r
 from tuning.vehicle.regulation.screening import (
     LOADS,
     Adhesions,
+    Limits,
     Quantity,
-    Turning,
     adhesions_of,
     all_quantities,
     row_of,
@@ -55,10 +55,12 @@ def on_car(config: TuningConfig, figures: CarFigures, *, laden: bool) -> Setup:
     return Setup.of(dataclasses.replace(config, vehicle=vehicle, **one_wheel, **free))
 
 
-def turning_of(config: TuningConfig) -> Turning:
-    """The limits of a configuration's vehicle on the split road."""
+def limits_of(config: TuningConfig) -> Limits:
+    """The limits of a configuration's vehicle."""
     vehicle = config.vehicle
-    return Turning() if vehicle is None else Turning(vehicle.largest_yaw_rate, vehicle.largest_side_slip)
+    if vehicle is None:
+        return Limits()
+    return Limits(vehicle.largest_yaw_rate, vehicle.largest_side_slip, vehicle.least_steerability)
 
 
 def clocked(setup: Setup, located: bool = False) -> Clocked:
@@ -81,7 +83,7 @@ class Regulation:
     def __init__(self, config: TuningConfig, *, located: bool = False):
         self._cars = [(name_of_car(figures), _Car.of(config, figures)) for figures in config.vehicle.cars]
         setup = on_car(config, config.vehicle.cars[0], laden=False)
-        how = tuple(lanes_of(setup.driver)), clocked(setup, located), turning_of(config)
+        how = tuple(lanes_of(setup.driver)), clocked(setup, located), limits_of(config)
         self._quantities = partial(_quantities, how=how)
         self._margins = jax.jit(partial(_margins, how=how))
 
@@ -137,25 +139,25 @@ class _Car(NamedTuple):
         return cls(loops_of(loops, lanes_of(setups[False].driver)), adhesions_of(figures))
 
 
-_How = tuple[tuple[Lane, ...], Clocked, Turning]
+_How = tuple[tuple[Lane, ...], Clocked, Limits]
 
 
 def _quantities(car: _Car, values: Mapping[str, Any], how: _How) -> list[tuple[bool, Quantity]]:
     """Of the parameters by name, scalars: (laden, quantity)."""
-    lanes, in_clock, turning = how
+    lanes, in_clock, limits = how
     loops = _of_set(car, values)
-    return all_quantities(loops, lanes, run(loops, lanes, in_clock), car.known, turning)
+    return all_quantities(loops, lanes, run(loops, lanes, in_clock), car.known, limits)
 
 
 def _margins(car: _Car, parameters: Mapping[str, Any], how: _How):
     """(rows, sets) of a car, of parameters (sets,)."""
-    lanes, in_clock, turning = how
+    lanes, in_clock, limits = how
     sets = len(next(iter(parameters.values())))
     together = with_parameters(repeated(car.loops, sets), {n: jnp.tile(v, len(lanes)) for n, v in parameters.items()})
     stops = run(together, lanes, in_clock, sets=sets)
 
     def of_set(values, stops: Stop):
-        rows = [quantity for _, quantity in all_quantities(_of_set(car, values), lanes, stops, car.known, turning)]
+        rows = [quantity for _, quantity in all_quantities(_of_set(car, values), lanes, stops, car.known, limits)]
         return jnp.stack([row.margin - row.firmly for row in rows if row.demanded is not None])
 
     by_set = jax.tree.map(lambda leaf: leaf.reshape(len(lanes), sets, *leaf.shape[1:]), stops)

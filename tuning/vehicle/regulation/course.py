@@ -25,6 +25,8 @@ SOON = 2.0
 """Time in which little may be steered, s (5.3.6)."""
 WINDOW = 20
 """Points over which a deceleration is taken: 0.1 s, not the jolt of wheels that spin up."""
+HELD = 100
+"""Points over which the steerability of a moment is taken: 0.5 s, in which a car answers to the steering wheel."""
 SHARE = 0.9
 """Of the mean deceleration on the high surface: what counts as a high one."""
 TOLD = Outcome.STOPPED, Outcome.STILL_MOVING, Outcome.STEP_TOO_LARGE
@@ -45,6 +47,8 @@ class Course(NamedTuple):
     steerability: Any
     """lateral force at a side-slip of 4 deg over that of a rolling wheel, mean from 45 to 15 km/h, of the axle that has
     less left: without it in front a car does not steer, without it behind it does not keep its direction"""
+    held: Any
+    """the same over the half second that has least of it: a mean can be bought by wheels that roll now and then"""
     passed: Any
     """speed where the surface changes [m/s]"""
     steered_soon: Any
@@ -81,13 +85,15 @@ def _course(loop: VehicleLoop, time, state, lock, slide, outcome) -> Course:
     aside = speed * jnp.sin(motion.yaw) + motion.lateral * jnp.cos(motion.yaw)
     strayed = jnp.cumsum((aside[1:] + aside[:-1]) / 2 * jnp.diff(time))
     sine, cosine = jnp.sin(motion.yaw[1:]), jnp.cos(motion.yaw[1:])
+    mean, least = steerability(car, time, state)
     places = [jnp.sign(y) * (strayed + x * sine + y * cosine) for x, y in zip(car.ahead, car.left)]
     return Course(
         utilised=braking_rate(time, speed, 45 * KMH, 15 * KMH),
         rate=braking_rate(time, speed, 40 * KMH, 20 * KMH),
         lock=lock,
         slide=slide,
-        steerability=steerability(car, time, state),
+        steerability=mean,
+        held=least,
         passed=jnp.interp(road.changes[0], motion.distance, speed),
         steered_soon=jnp.where(time <= loop.driver.delay + SOON, angle, 0.0).max(),
         steered=angle.max(),
@@ -99,9 +105,9 @@ def _course(loop: VehicleLoop, time, state, lock, slide, outcome) -> Course:
     )
 
 
-def steerability(car: FourWheel, time, state):
-    """(mu(s) ly / s) / mu(ly) with s = |(lx, ly)|, ly = sin 4 deg: mean of an axle from 45 to 15 km/h, the lesser of
-    both."""
+def steerability(car: FourWheel, time, state, held: int = HELD):
+    """(mu(s) ly / s) / mu(ly) with s = |(lx, ly)|, ly = sin 4 deg, from 45 to 15 km/h, the lesser of both axles: the
+    mean, and the least mean over `held` points."""
     speed = state.motion.longitudinal
     counts = (speed <= 45 * KMH) & (speed >= 15 * KMH)
 
@@ -110,8 +116,12 @@ def steerability(car: FourWheel, time, state):
         left = [lateral_share(road, along, time, place) for road, (along, _) in zip(car.roads, slips)]
         return jnp.stack([sum(left[:FRONT]), sum(left[FRONT:])]) / FRONT
 
-    of_axles = jnp.where(counts[:, None], jax.vmap(shares)(time, state), 0.0).sum(axis=0)
-    return safe_divide(of_axles.min(), counts.sum(), counts.any())
+    of_axles = jnp.where(counts[:, None], jax.vmap(shares)(time, state), 0.0)
+    passed, whole = jnp.cumsum(of_axles, axis=0), jnp.cumsum(counts)
+    moments = (passed[held:] - passed[:-held]).min(axis=1) / held
+    within = whole[held:] - whole[:-held] == held
+    least = jnp.where(within, moments, jnp.inf).min()
+    return safe_divide(passed[-1].min(), whole[-1], counts.any()), jnp.where(within.any(), least, 0.0)
 
 
 def lateral_share(road, along, time, place):

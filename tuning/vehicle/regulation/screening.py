@@ -37,6 +37,7 @@ STEERING_RATIO = 16.0
 STEERED_SOON, STEERED = 120.0, 240.0
 """Largest angle of the steering wheel on the split road in two seconds, and in all, deg (5.3.6)."""
 UTILISED = "utilisation of adhesion"
+HELD = "least steerability over 0.5 s"
 SPLIT = "z, of both surfaces", "z, of the lower surface"
 HALF_A_TYRE = 0.1
 """m; no tyre may cross the line between the two surfaces (5.3.6)."""
@@ -101,16 +102,18 @@ class Screened(NamedTuple):
     places: tuple[str, ...]
 
 
-class Turning(NamedTuple):
-    """How much the car may turn on the split road, the driver steering; ours, the regulation has no such limits."""
+class Limits(NamedTuple):
+    """What is told, and kept where it has a limit; ours, the regulation has none of them."""
 
     yaw_rate: float | None = None
-    """largest yaw rate, deg/s; None: only told"""
+    """largest yaw rate on the split road, the driver steering, deg/s"""
     side_slip: float | None = None
-    """largest side-slip, deg; None: only told"""
+    """largest side-slip there, deg"""
+    held: float | None = None
+    """steerability of the half second that has least of it"""
 
 
-ANY = Turning()
+FREE = Limits()
 
 
 class Adhesions(NamedTuple):
@@ -132,7 +135,7 @@ def adhesions_of(figures: CarFigures) -> Adhesions:
 
 
 def quantities(
-    laden: bool, stops: Sequence[tuple[Lane, Course]], known: Adhesions, rise: Any, turning: Turning = ANY
+    laden: bool, stops: Sequence[tuple[Lane, Course]], known: Adhesions, rise: Any, limits: Limits = FREE
 ) -> list[Quantity]:
     """What one load has to reach.
 
@@ -140,7 +143,7 @@ def quantities(
         stops: with their courses, those of this load.
         known: adhesion of the car.
         rise: time to a high deceleration [s].
-        turning: limits on the split road.
+        limits: of what is told otherwise.
     """
     weights, k = known.weights[laden], known.found[laden]
     found = []
@@ -153,6 +156,8 @@ def quantities(
         found.append(Quantity(surface, UTILISED, used, UTILISATION, ends, True, True, *note))
         left = sum(course.steerability for course in tests) / len(tests)
         found.append(Quantity(surface, "steerability", left, LEAST_STEERABILITY, ends))
+        held = jnp.stack([course.held for course in tests]).min()
+        found.append(Quantity(surface, HELD, held, limits.held, ends))
     for lane, course in stops:
         stop, passed = lane.stop, ("at {:.0f} km/h", (course.passed / KMH,))
         ends = [course.outcome]
@@ -175,13 +180,16 @@ def quantities(
     for name, angle, limit in (("in 2 s", split.steered_soon, STEERED_SOON), ("in all", split.steered, STEERED)):
         turned = jnp.degrees(STEERING_RATIO * angle)
         found.append(Quantity("split", f"steered {name} [deg]", turned, limit, ends, False))
-    largest = ("yaw rate [deg/s]", split.yaw_rate), ("side-slip [deg]", split.side_slip)
-    for (name, reached), limit in zip(largest, turning):
+    largest = (
+        ("yaw rate [deg/s]", split.yaw_rate, limits.yaw_rate),
+        ("side-slip [deg]", split.side_slip, limits.side_slip),
+    )
+    for name, reached, limit in largest:
         found.append(Quantity("split", f"largest {name}", jnp.degrees(reached), limit, ends, False))
     return found
 
 
-def all_quantities(loops: VehicleLoop, lanes: Sequence[Lane], stops: Stop, known: Adhesions, turning: Turning = ANY):
+def all_quantities(loops: VehicleLoop, lanes: Sequence[Lane], stops: Stop, known: Adhesions, limits: Limits = FREE):
     """Of both loads: (laden, quantity). Differentiable by the loops' parameters through the course of the stops."""
     every = courses(loops, stops)
     path, found = stops.rollout.path, []
@@ -192,12 +200,12 @@ def all_quantities(loops: VehicleLoop, lanes: Sequence[Lane], stops: Stop, known
         high = mean_rate(jnp.stack([c.utilised for lane, c in own if lane.stop[:2] == ("utilisation", "high")]))
         at, lane = next((i, lane) for i, lane in mine if lane.stop.name == "rise")
         rise = rise_time(path.time[at], motion.longitudinal[at], motion.distance[at], lane.stop.change, high)
-        found += [(laden, quantity) for quantity in quantities(laden, own, known, rise, turning)]
+        found += [(laden, quantity) for quantity in quantities(laden, own, known, rise, limits)]
     return found
 
 
 def screened(
-    car: str, figures: CarFigures, loops: Mapping[bool, VehicleLoop], clocked: Clocked, turning: Turning = ANY
+    car: str, figures: CarFigures, loops: Mapping[bool, VehicleLoop], clocked: Clocked, limits: Limits = FREE
 ) -> Screened:
     """Screen the controllers of a car.
 
@@ -205,12 +213,12 @@ def screened(
         car: its name.
         loops: of it on four wheels, unladen (False) and laden (True); their roads do not matter.
         clocked: makes the system that is rolled out.
-        turning: limits on the split road.
+        limits: of what is told otherwise.
     """
     lanes = lanes_of(loops[False].driver)
     together = loops_of(loops, lanes)
     stops, known = run(together, lanes, clocked), adhesions_of(figures)
-    found = all_quantities(together, lanes, stops, known, turning)
+    found = all_quantities(together, lanes, stops, known, limits)
     rows, car_on_four = [row_of(car, laden, quantity) for laden, quantity in found], loops[False].vehicle
     radii = tuple(float(wheel.radius) for wheel in car_on_four.wheels)
     return Screened(rows, lanes, stops, radii, car_on_four.places)

@@ -14,7 +14,7 @@ from tuning.controllers.recipes import car_sets, tuned_sets
 from tuning.core.config import ConfigError, choice
 from tuning.core.files import write_csv
 from tuning.core.report import Report
-from tuning.vehicle.regulation.screening import SPLIT, UTILISED, Row
+from tuning.vehicle.regulation.screening import HELD, SPLIT, UTILISED, Row
 from tuning.vehicle.regulation.tasks import cells_of, screening_of
 
 NONE = "no_control"
@@ -134,6 +134,7 @@ def _of_cars(screened: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
         "epsilon": _told(min(_reached(rows, UTILISED)), 2),
         "longest slide [s]": _told(_largest(_reached(rows, "slide")), 2),
         "steerability": _told(min(_reached(rows, "steerability")), 2),
+        HELD: _told(min(_reached(rows, HELD)), 2),
     }
 
 
@@ -150,6 +151,7 @@ def line(rows: Sequence[Row]) -> dict[str, Any]:
         "longest slide [s]": _told(_largest(_reached(rows, "slide")), 2),
         "z split over demand": _told(min(splits, default=0.0), 2),
         "steerability": _told(min(_reached(rows, "steerability")), 2),
+        HELD: _told(min(_reached(rows, HELD)), 2),
         "steered in 2 s [deg]": _told(_largest(_reached(rows, "steered in 2 s")), 0),
     }
 

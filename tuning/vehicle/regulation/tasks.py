@@ -9,7 +9,7 @@ from absjax.controllers import PREDICTIVE
 from tuning.cars.car import CarFigures, name_of_car, shipped_cars
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import tuned_sets
-from tuning.controllers.regulation import clocked, on_car, turning_of
+from tuning.controllers.regulation import clocked, limits_of, on_car
 from tuning.core.config import ConfigError, choice
 from tuning.core.figures import save
 from tuning.core.files import write_csv
@@ -58,7 +58,7 @@ def screening_of(config: TuningConfig, car: str, figures: CarFigures, *, located
     """A set on a car, sampled as the configuration has it or with switchings located."""
     setups = {laden: on_car(config, figures, laden=laden) for laden in LOADS}
     loops: dict[bool, Any] = {laden: setup.loop_of() for laden, setup in setups.items()}
-    return screened(car, figures, loops, clocked(setups[False], located), turning_of(config))
+    return screened(car, figures, loops, clocked(setups[False], located), limits_of(config))
 
 
 def regulation(
