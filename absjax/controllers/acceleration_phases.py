@@ -23,13 +23,13 @@ eps2 >= eps1 + 2, eps2 >= eps3 + 2 and eps5 >= eps4 + 2 m/s^2, the least that no
 Source: Pasillas-Lepine 2006; Hoang et al. 2014, Fig. 5; Aguado-Rojas 2019, Fig. 6.6.
 """
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
 from absjax._numerics import pick
 from absjax.controllers.base import Controller
-from absjax.controllers.phases import onset_threshold, while_pressed
+from absjax.controllers.phases import TUNED, Entered, onset_threshold, while_pressed
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
 
@@ -42,14 +42,6 @@ SHORTEST_APPLY = 0.02
 """s, to a wheel that stands: at walking pace any wheel comes to stand, and would let phases follow without end."""
 WALKING = 15 / 3.6
 """Vehicle speed, m/s, below which a wheel that stands under the driver's pressure is left to him."""
-TUNED: dict[str, Any] = {"low": 0.0, "open_low": True, "trainable": True}
-
-
-class Entered(NamedTuple):
-    """What is kept of the last switching; scalars per lane."""
-
-    time: Any
-    """s"""
 
 
 @model

@@ -13,8 +13,8 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from absjax._numerics import pick
-from absjax.controllers.acceleration_phases import TUNED, AccelerationPhases
-from absjax.controllers.phases import OPEN_VALVE, per_rim
+from absjax.controllers.acceleration_phases import AccelerationPhases
+from absjax.controllers.phases import OPEN_VALVE, TUNED, per_rim
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
 

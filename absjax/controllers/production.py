@@ -24,9 +24,8 @@ from typing import Any, ClassVar
 import jax.numpy as jnp
 
 from absjax._numerics import pick
-from absjax.controllers.acceleration_phases import TUNED, Entered
 from absjax.controllers.base import Controller
-from absjax.controllers.phases import OPEN_VALVE, per_rim, while_pressed
+from absjax.controllers.phases import OPEN_VALVE, TUNED, Entered, per_rim, while_pressed
 from absjax.parameters import model, parameter
 from absjax.signals import Signals
 

@@ -16,8 +16,7 @@ from typing import Any, ClassVar
 
 import jax.numpy as jnp
 
-from absjax.controllers.acceleration_phases import TUNED, Entered
-from absjax.controllers.phases import OPEN_VALVE
+from absjax.controllers.phases import OPEN_VALVE, TUNED, Entered
 from absjax.controllers.slip import SlipControl
 from absjax.parameters import model, parameter
 from absjax.signals import Signals

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from tuning.cli import app
 from tuning.controllers.batch import FEW, batch_of, scored
+from tuning.controllers.command import run_of
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.cycles import certify_cycles
 from tuning.controllers.demo import limited
@@ -83,6 +84,17 @@ def test_the_command_writes_the_same_and_can_go_on(result, tmp_path):
     assert TuningResult.from_json(read_json(tmp_path / "a" / "result.json")).parameters == result[0].parameters
     following = TuningConfig.from_json(configuration(tmp_path / "a" / "result.json"))
     assert following.start == result[0].parameters and following.roads == SMALL.roads
+
+
+def test_rows_of_the_regulation_that_are_breached_are_counted_and_told(result, monkeypatch, tmp_path):
+    config = TuningConfig(vehicle={"car": "van", "regulation": True}, setting="sampled")
+    found = dataclasses.replace(result[0], breached=["regulation: lock", "regulation: slide"])
+    monkeypatch.setattr("tuning.controllers.tune.tune_abs", lambda *args, **options: found)
+    monkeypatch.setattr("tuning.controllers.figures.tuning_figures", lambda result, out: [])
+    report = run_of(config, tmp_path, "tuned")(None, None)
+    assert report.lines[-1] == "screened on van, unladen and laden: 2 rows breached"
+    assert report.warnings[-2:] == ["warning: regulation: lock", "warning: regulation: slide"]
+    assert TuningResult.from_json(found.to_json()).breached == found.breached
 
 
 def test_a_tuning_that_finds_nothing_says_so_and_what_its_cost_is(result, monkeypatch):

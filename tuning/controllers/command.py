@@ -44,7 +44,6 @@ def run_of(config, out: Path, title: str) -> Any:
     def run(progress, journal):
         from tuning.cars.car import name_of_car
         from tuning.controllers.figures import tuning_figures
-        from tuning.controllers.regulation import BREACHED
         from tuning.controllers.report import cycles_line, parameter_line, split_rows, tuning_rows
         from tuning.controllers.tune import tune_abs
         from tuning.core.report import Report
@@ -52,11 +51,10 @@ def run_of(config, out: Path, title: str) -> Any:
         result = tune_abs(config, progress=progress, journal=journal, say=say_step)
         lines = [parameter_line(result), cycles_line(result)]
         lines += ["* on its limit"] if result.on_limit else []
-        if config.vehicle is not None and config.vehicle.regulation:
-            breached = [warning for warning in result.warnings if warning.startswith(BREACHED)]
+        if result.breached is not None:
             cars = ", ".join(map(name_of_car, config.vehicle.cars))
-            lines.append(f"screened on {cars}, unladen and laden: {len(breached) or 'no'} rows breached")
-        warnings = [f"warning: {warning}" for warning in result.warnings]
+            lines.append(f"screened on {cars}, unladen and laden: {len(result.breached) or 'no'} rows breached")
+        warnings = [f"warning: {warning}" for warning in (*result.warnings, *(result.breached or ()))]
         say_step("figures ...")
         files = tuning_figures(result, out)
         tables = {f"{title}: distances from the pedal [m]; then the published quantity": tuning_rows(result)}

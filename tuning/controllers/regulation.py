@@ -36,8 +36,6 @@ from tuning.vehicle.regulation.screening import (
 USUAL: dict[str, Any] = {"model": "four_wheel", "wiring": "select_low_rear"}
 FINALISTS = 8
 """Sets that are screened together."""
-BREACHED = "regulation"
-"""What the warning of a row that is breached begins with."""
 
 
 def on_car(config: TuningConfig, figures: CarFigures, *, laden: bool) -> Setup:
@@ -110,7 +108,7 @@ class Regulation:
                 break
         return charged
 
-    def warnings(self, values: Mapping[str, Any]) -> list[str]:
+    def breached(self, values: Mapping[str, Any]) -> list[str]:
         """A sentence for every row that is breached."""
         rows = [
             row_of(name, laden, quantity)
@@ -118,7 +116,7 @@ class Regulation:
             for laden, quantity in self._quantities(car, values)
         ]
         return [
-            f"{BREACHED}: {row.quantity} ({row.surface}, {row.car} {row.load}) is breached: demanded "
+            f"regulation: {row.quantity} ({row.surface}, {row.car} {row.load}) is breached: demanded "
             f"{row.demanded:.3g}, reached {'never' if row.reached is None else format(row.reached, '.3g')}"
             for row in rows
             if row.passed is False

@@ -77,6 +77,8 @@ class TuningResult:
     version: str = VERSION
     warnings: list[str] = dataclasses.field(default_factory=list)
     """what a user of the set should know: phases that last less than a tick, and the like"""
+    breached: list[str] | None = None
+    """a sentence for every row of the regulation that the set breaches; None where it was not screened"""
     interrupted: bool = False
     """whether the search was ended from the keyboard"""
     splits: list[SplitFigures] = dataclasses.field(default_factory=list)

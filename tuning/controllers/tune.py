@@ -48,10 +48,10 @@ def tune_abs(
     parameters, splits = problem.setup.initial | fitted.values, []
     if config.setting != "located":
         splits = all_splits(problem.setup, {"untuned": problem.setup.initial, "tuned": parameters}, say)
-    rows, breached = score(problem, parameters, say), []
+    rows, breached = score(problem, parameters, say), None
     if problem.regulation is not None:
         say("screening after the regulation ...")
-        breached = problem.regulation.warnings(parameters)
+        breached = problem.regulation.breached(parameters)
     say("lengths of the phases ...")
     short = short_phases(problem.setup, problem.batch, parameters)
     if config.vehicle is None:
@@ -68,8 +68,8 @@ def tune_abs(
             *unstable_stops(rows),
             *of_another_step(rows),
             *worse_apart(splits, config.began),
-            *breached,
         ],
+        breached=breached,
         cycles=certify_cycles(problem.setup, parameters),
         cost=fitted.cost,
         history=fitted.history,
