@@ -53,6 +53,13 @@ def on_car(config: TuningConfig, figures: CarFigures, *, laden: bool) -> Setup:
     return Setup.of(dataclasses.replace(config, vehicle=vehicle, **one_wheel, **free))
 
 
+def loops_on(config: TuningConfig, figures: CarFigures) -> tuple[Setup, dict[bool, VehicleLoop]]:
+    """Of a set on a car, as `on_car` has it: the setup, and the loops unladen (False) and laden (True)."""
+    setups = {laden: on_car(config, figures, laden=laden) for laden in LOADS}
+    loops: dict[bool, Any] = {laden: setup.loop_of() for laden, setup in setups.items()}
+    return setups[False], loops
+
+
 def limits_of(config: TuningConfig) -> Limits:
     """The limits of a configuration's vehicle."""
     vehicle = config.vehicle
@@ -132,9 +139,8 @@ class _Car(NamedTuple):
 
     @classmethod
     def of(cls, config: TuningConfig, figures: CarFigures) -> "_Car":
-        setups = {laden: on_car(config, figures, laden=laden) for laden in LOADS}
-        loops: dict[bool, Any] = {laden: setup.loop_of() for laden, setup in setups.items()}
-        return cls(loops_of(loops, lanes_of(setups[False].driver)), adhesions_of(figures))
+        setup, loops = loops_on(config, figures)
+        return cls(loops_of(loops, lanes_of(setup.driver)), adhesions_of(figures))
 
 
 _How = tuple[tuple[Lane, ...], Clocked, Limits]

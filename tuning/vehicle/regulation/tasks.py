@@ -9,14 +9,14 @@ from absjax.controllers import PREDICTIVE
 from tuning.cars.car import CarFigures, name_of_car, shipped_cars
 from tuning.controllers.config import TuningConfig
 from tuning.controllers.recipes import tuned_sets
-from tuning.controllers.regulation import clocked, limits_of, on_car
+from tuning.controllers.regulation import clocked, limits_of, loops_on
 from tuning.core.config import ConfigError, choice
 from tuning.core.figures import save
 from tuning.core.files import write_csv
 from tuning.core.report import Report
 from tuning.core.version import VERSION
 from tuning.vehicle.regulation.figures import stops_figure
-from tuning.vehicle.regulation.screening import LOADS, Row, Screened, screened
+from tuning.vehicle.regulation.screening import Row, Screened, screened
 
 OWN = "own"
 """The cars of the configuration, among the names of cars."""
@@ -56,9 +56,8 @@ def shipped_set(name: str) -> TuningConfig:
 
 def screening_of(config: TuningConfig, car: str, figures: CarFigures, *, located: bool = False) -> Screened:
     """A set on a car, sampled as the configuration has it or with switchings located."""
-    setups = {laden: on_car(config, figures, laden=laden) for laden in LOADS}
-    loops: dict[bool, Any] = {laden: setup.loop_of() for laden, setup in setups.items()}
-    return screened(car, figures, loops, clocked(setups[False], located), limits_of(config))
+    setup, loops = loops_on(config, figures)
+    return screened(car, figures, loops, clocked(setup, located), limits_of(config))
 
 
 def regulation(
