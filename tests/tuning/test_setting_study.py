@@ -74,7 +74,7 @@ def test_without_a_set_for_the_chain_none_is_judged_in_scattered_stops(monkeypat
 
 
 def test_the_tables_of_a_tuning_for_a_setting_have_files_of_their_own(monkeypatch, tmp_path):
-    found = SimpleNamespace(on_limit=[], warnings=[], splits=[FINE], interrupted=False, to_json=dict)
+    found = SimpleNamespace(on_limit=[], warnings=[], breached=None, splits=[FINE], interrupted=False, to_json=dict)
     monkeypatch.setattr(tuning_of, "tune_abs", lambda *_, **__: found)
     monkeypatch.setattr(figures, "tuning_figures", lambda *_: [])
     for name in ("parameter_line", "cycles_line", "tuning_rows", "split_rows"):
