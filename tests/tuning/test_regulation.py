@@ -4,6 +4,7 @@ a split road under select-low on both axles."""
 import dataclasses
 import json
 import math
+from functools import partial
 from types import SimpleNamespace
 from typing import Any, NamedTuple
 
@@ -243,16 +244,19 @@ class Slipping(NamedTuple):
 
 @pytest.mark.parametrize("deep", [0, 2])
 def test_steerability_is_that_of_the_axle_with_less_left(deep):
-    """Either axle may have it; only between 45 and 15 km/h, and in the least of two points that follow each other."""
+    """Either axle; only between 45 and 15 km/h, and in the half second that has least, however many points it has."""
     slips = np.full((5, 4), -0.05)
     slips[:, deep : deep + 2] = [[-1.0, -1.0], [-0.3, -0.1], [-0.2, -0.25], [0.0, 0.0], [-1.0, -1.0]]
     states = Slipping(Motion(np.array([20.0, 12.0, 8.0, 5.0, 3.0]), np.zeros(5)), slips)
     road = roads(("high", "high"), ("high", "high"))[0]
     car: Any = SimpleNamespace(roads=(road,) * 4, slips=lambda time, state: [(slip, 0.0) for slip in state.slips])
     left = [float(lateral_share(road, slip, 0.0, 0.0)) for slip in (-0.3, -0.1, -0.2, -0.25, 0.0, 0.0)]
-    mean, least = jax.jit(lambda states: steerability(car, np.zeros(5), states, held=2))(states)
-    assert float(mean) == pytest.approx(np.mean(left), rel=1e-12)
-    assert float(least) == pytest.approx(np.mean(left[:4]), rel=1e-12)
+    for finer in (1, 2):
+        time = 0.25 / finer * np.arange(5 * finer)
+        often = jax.tree.map(lambda values, times=finer: np.repeat(values, times, axis=0), states)
+        mean, least = jax.jit(partial(steerability, car))(time, often)
+        assert float(mean) == pytest.approx(np.mean(left), rel=1e-12)
+        assert float(least) == pytest.approx(np.mean(left[:4]), rel=1e-12)
 
 
 def test_time_to_a_high_deceleration():

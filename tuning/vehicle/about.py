@@ -66,8 +66,8 @@ REGULATION_STUDY = About(
     "that was tuned on one wheel, and that tuned on a car. It is no certificate.",
     {
         "screening": "Of both loads the worst. Epsilon at least 0.75; locks at most 0.2 s; wheels at a slip below "
-        "-0.8 at most 0.5 s in all; z of the split road over what is demanded; steerability at least 0.3; the "
-        "steering wheel in two seconds at most 120 deg. Narrow rows are passed by less than 5 %. Undefined: of a stop "
-        "that diverged, or has no end.",
+        "-0.8 at most 0.5 s in all; z of the split road over what is demanded; steerability at least 0.3, and "
+        "told only, that of the half second which has least of it; the steering wheel in two seconds at most 120 deg. "
+        "Narrow rows are passed by less than 5 %. Undefined: of a stop that diverged, or has no end.",
     },
 )

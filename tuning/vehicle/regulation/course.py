@@ -25,8 +25,10 @@ SOON = 2.0
 """Time in which little may be steered, s (5.3.6)."""
 WINDOW = 20
 """Points over which a deceleration is taken: 0.1 s, not the jolt of wheels that spin up."""
-HELD = 100
-"""Points over which the steerability of a moment is taken: 0.5 s, in which a car answers to the steering wheel."""
+HELD = 0.5
+"""Over which the steerability of a moment is taken, s; ours: a car answers to the steering wheel within it."""
+ROUNDING = 1e-4
+"""s, by which points that are `HELD` apart may be off."""
 SHARE = 0.9
 """Of the mean deceleration on the high surface: what counts as a high one."""
 TOLD = Outcome.STOPPED, Outcome.STILL_MOVING, Outcome.STEP_TOO_LARGE
@@ -48,7 +50,8 @@ class Course(NamedTuple):
     """lateral force at a side-slip of 4 deg over that of a rolling wheel, mean from 45 to 15 km/h, of the axle that has
     less left: without it in front a car does not steer, without it behind it does not keep its direction"""
     held: Any
-    """the same over the half second that has least of it: a mean can be bought by wheels that roll now and then"""
+    """the same over the half second between these speeds that has least of it, 0 where none lies whole between them: a
+    mean can be bought by wheels that roll now and then"""
     passed: Any
     """speed where the surface changes [m/s]"""
     steered_soon: Any
@@ -105,9 +108,9 @@ def _course(loop: VehicleLoop, time, state, lock, slide, outcome) -> Course:
     )
 
 
-def steerability(car: FourWheel, time, state, held: int = HELD):
+def steerability(car: FourWheel, time, state, held: float = HELD):
     """(mu(s) ly / s) / mu(ly) with s = |(lx, ly)|, ly = sin 4 deg, from 45 to 15 km/h, the lesser of both axles: the
-    mean, and the least mean over `held` points."""
+    mean, and the least mean over a time `held` [s]."""
     speed = state.motion.longitudinal
     counts = (speed <= 45 * KMH) & (speed >= 15 * KMH)
 
@@ -118,8 +121,11 @@ def steerability(car: FourWheel, time, state, held: int = HELD):
 
     of_axles = jnp.where(counts[:, None], jax.vmap(shares)(time, state), 0.0)
     passed, whole = jnp.cumsum(of_axles, axis=0), jnp.cumsum(counts)
-    moments = (passed[held:] - passed[:-held]).min(axis=1) / held
-    within = whole[held:] - whole[:-held] == held
+    # Of the moment that ends at each point: the last point before it, and how many it has.
+    before = jnp.searchsorted(time, time - held + ROUNDING) - 1
+    points = jnp.arange(len(time)) - before
+    moments = (passed - passed[before]).min(axis=1) / points
+    within = (before >= 0) & (whole - whole[before] == points)
     least = jnp.where(within, moments, jnp.inf).min()
     return safe_divide(passed[-1].min(), whole[-1], counts.any()), jnp.where(within.any(), least, 0.0)
 
