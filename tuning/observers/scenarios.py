@@ -6,6 +6,7 @@ true state, so that what excites an observer does not depend on it.
 
 import dataclasses
 from collections.abc import Sequence
+from functools import partial
 from typing import Any, Literal
 
 import jax
@@ -14,7 +15,7 @@ import numpy as np
 
 from absjax.controllers.tracking import AccelerationTracking
 from absjax.controllers.two_phase import TwoPhase
-from absjax.hybrid.rollout import rollout
+from absjax.hybrid.rollout import Status, rollout
 from absjax.lanes import over_lanes, stacked
 from absjax.loop.closed_loop import ClosedLoop
 from absjax.observers.base import Sample
@@ -22,6 +23,7 @@ from absjax.plant.brake import Brake
 from absjax.plant.road import ChangingRoad
 from absjax.plant.test_rig import TestRig
 from absjax.plant.wheel import Wheel
+from absjax.results import raise_if_failed
 from absjax.tyres.base import Tyre
 
 BLEND = 0.025
@@ -132,10 +134,9 @@ def simulate(
     steps = round(duration / period)
     start = controller.phases.index("apply") if excitation == "two_phase" else 0
     state = loop.initial_state(jnp.asarray(speed))
-    result = rollout(loop, state, start, step=period, steps=steps, save_every=1, max_events=3000)
-    result.raise_if_failed()
-    samples, stiffness, slip = jax.tree.map(np.asarray, _signals(loop, result.path))
-    onset = np.asarray(result.state.memory.control.onset_time)
+    told, status, onset = jax.tree.map(np.asarray, _simulated(loop, state, start, period, steps))
+    raise_if_failed(status, Status)
+    samples, stiffness, slip = told
     if not (onset > 0).all():
         raise ValueError(
             f"in run {int(np.argmin(onset > 0))} the controller never switches; there is nothing to excite"
@@ -156,10 +157,15 @@ def _two_phase(surfaces: Tyre, wheel: Wheel) -> TwoPhase:
     return TwoPhase(wheel=wheel, zref=40.0, chi_a=low, chi_b=high)
 
 
-@jax.jit
-def _signals(loop: ClosedLoop, trajectory):
+@partial(jax.jit, static_argnums=4)
+def _simulated(loop: ClosedLoop, state, start, period, steps: int):
+    """Samples, stiffness and slip of every run, how it ended, and when its controller first switched."""
+    result = rollout(loop, state, start, step=period, steps=steps, save_every=1, max_events=3000)
+
     def of_run(loop, time, state, mode):
         signals = jax.vmap(loop.signals)(time, state, mode)
         return Sample.of(signals), signals.stiffness, loop.plant.wheel.slip(signals.wheel_speed, signals.vehicle_speed)
 
-    return over_lanes(of_run, loop, trajectory.time, trajectory.state, trajectory.mode)
+    path = result.path
+    told = over_lanes(of_run, loop, path.time, path.state, path.mode)
+    return told, result.status, result.state.memory.control.onset_time
