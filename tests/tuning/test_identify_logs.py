@@ -266,11 +266,11 @@ def test_derivatives_of_the_residuals_against_differences(imposed, folder):
     share = np.linspace(1.0, 1.2, len(log.time)) ** 2 if imposed else None
     errors = np.linspace(-0.02, 0.03, len(log.time) * len(NUISANCE)).reshape(-1, len(NUISANCE))
     problem = shooting(Curve(Burckhardt), log, [np.ones(len(log.time), bool)], 0.3, share, errors)
-    evaluate, own = problem.evaluate(1), problem.start()
     shared = np.array(
         [1.2, 25.0, 0.5, 0.301, 1.25, 17.0, 2400.0, 0.4, 3e-3, 0.02, 0.01, 0.05, 2e-3, *[0.7] * len(NUISANCE)]
     )
     assert len(shared) == 3 + len(CAR) + len(NUISANCE)
+    evaluate, own = problem.evaluate(1, np.ones(len(shared), bool)), problem.start()
     _, by_shared, by_own = evaluate(shared, own)
     for i, width in enumerate(1e-5 * np.maximum(np.abs(shared), 1e-2)):
         if imposed and i == 3 + CAR.index("speed_delay"):

@@ -61,7 +61,8 @@ CAR = (
 """The car's quantities, in the order of the shared parameters after the coefficients."""
 NUISANCE = tuple(f"speed_error_{k}" for k in range(1, ERRORS + 1))
 """What a speed taken from the acceleration is off, in standard deviations; after the car's quantities."""
-OF_LANE = 9
+OF_CAR = CAR[:8]
+"""Those that the equations of motion have."""
 SMALL = 1e-7
 """Difference of lags for the derivative by them [s]."""
 SHARED = len(CAR) + len(NUISANCE)
@@ -88,62 +89,100 @@ def _and_slope(signal: np.ndarray, period: float, lag: float) -> tuple[np.ndarra
 
 @partial(jax.jit, static_argnames=("curve", "imposed", "substeps"))
 def _linearised(
-    curve: Curve, imposed: bool, substeps: int, parameters, own, pressure, by_lag, share, by_load_lag, speed, period
+    curve: Curve,
+    imposed: bool,
+    substeps: int,
+    period,
+    coefficients,
+    car,
+    own,
+    pressure,
+    by_lag,
+    share,
+    by_load_lag,
+    speed,
 ):
-    """Outputs (lanes, samples, 3) and their derivative by each lane's parameters and own state.
+    """Outputs, three arrays (samples, lanes), and their derivatives, three arrays (samples, parameters, lanes).
 
-    Parameters of a lane: the coefficients of its surface, then R, J, gamma_b, Fz, P_0, changes of the lags of pressure
-    and load, s, and what an imposed speed is off.
+    Beside the state x of a wheel its sensitivities s = dx / dp are rolled out: x' = f(x, p), s' = df/dx s + df/dp.
+    Parameters of a lane: the coefficients of its surface, then the quantities `OF_CAR`, what an imposed speed is off,
+    and its own state. Lanes come last in all arrays: they are what the processor's vectors run along.
+
+    Args:
+        curve, imposed: of the intervals.
+        substeps: Runge-Kutta steps of a sample.
+        period: of the samples [s].
+        coefficients: (coefficients, lanes).
+        car: the quantities `OF_CAR`, of which the lags are in the signals already.
+        own: (states, lanes).
+        pressure, by_lag, share, by_load_lag: behind their lags, and by them, (samples, lanes).
+        speed: of the vehicle, if it is imposed, (samples, lanes).
     """
-    coefficients, step = len(curve.names), period / substeps
+    radius, inertia, efficiency, load, zero, _, _, slope = car
+    (size, lanes), states, step = coefficients.shape, len(own), period / substeps
+    first_of_car, offset, first_of_own = size, size + len(OF_CAR), size + len(OF_CAR) + imposed
+    parameters = first_of_own + states
 
-    def outputs(point, pressure, by_lag, share, by_load_lag, speed):
-        tyre = curve.tyre(point[:coefficients])
-        radius, inertia, efficiency, load, zero, lag, load_lag, slope, off = point[
-            coefficients : coefficients + OF_LANE
-        ]
-        own, speed = point[coefficients + OF_LANE :], speed + off
-        acting, share = pressure - zero + lag * by_lag, share + load_lag * by_load_lag
+    def rows(first, *values):
+        """(parameters, lanes): the values from row `first` on, else 0."""
+        some = jnp.stack([jnp.broadcast_to(value, lanes) for value in values])
+        after = parameters - first - len(values)
+        return jnp.concatenate([jnp.zeros((first, lanes)), some, jnp.zeros((after, lanes))])
 
-        def friction(w, v):
-            return tyre.friction(radius * w / v - 1)
+    def of_curve(slip, coefficients):
+        mu = curve.tyre(coefficients).friction(slip)
+        return mu, mu
 
-        def over_sample(state, ends):
-            p, p_rise, n, n_rise, v, v_rise = ends
+    slopes_of_curve = jax.vmap(jax.jacfwd(of_curve, argnums=(0, 1), has_aux=True), in_axes=(0, 1), out_axes=((0, 1), 0))
 
-            def flow(at, state):
-                speed = v + at * v_rise if imposed else state[1]
-                mu = friction(state[0], speed)
-                spin = (-radius * load * (n + at * n_rise) * mu - efficiency * (p + at * p_rise)) / inertia
-                return jnp.stack([spin, GRAVITY * (mu + slope)])
+    def friction(w, v, by_w, by_v):
+        """mu(R w / v - 1), and its derivatives."""
+        ratio = w / v
+        (by_slip, by_coefficients), mu = slopes_of_curve(radius * ratio - 1, coefficients)
+        return mu, by_slip * radius / v * (by_w - ratio * by_v) + rows(0, *by_coefficients, by_slip * ratio)
 
-            def over_step(state, k):
-                at = k / substeps
-                k1 = flow(at, state)
-                k2 = flow(at + 0.5 / substeps, state + 0.5 * step * k1)
-                k3 = flow(at + 0.5 / substeps, state + 0.5 * step * k2)
-                k4 = flow(at + 1 / substeps, state + step * k3)
-                return state + step / 6 * (k1 + 2 * (k2 + k3) + k4), None
+    def over_sample(state, ends):
+        def flow(at, state):
+            p, p_by_lag, n, n_by_lag, v = (x + at * rise for x, rise in ends)
+            w, by_w = state[:2]
+            v, by_v = (v, rows(offset, 1.0)) if imposed else state[2:]
+            mu, by_mu = friction(w, v, by_w, by_v)
+            spin = -(radius * load * n * mu + efficiency * p) / inertia
+            by_spin = -(radius * load * n / inertia) * by_mu + rows(
+                first_of_car,
+                -load * n * mu / inertia,
+                -spin / inertia,
+                -p / inertia,
+                -radius * n * mu / inertia,
+                efficiency / inertia,
+                -efficiency * p_by_lag / inertia,
+                -radius * load * n_by_lag * mu / inertia,
+            )
+            braking = (GRAVITY * (mu + slope), GRAVITY * (by_mu + rows(first_of_car + OF_CAR.index("slope"), 1.0)))
+            return (spin, by_spin) if imposed else (spin, by_spin, *braking)
 
-            state, _ = jax.lax.scan(over_step, state, jnp.arange(substeps, dtype=state.dtype))
-            return state, state
+        def over_step(state, k):
+            at = k / substeps
 
-        start = jnp.stack([own[0], speed[0] if imposed else own[1]])
-        ends = [part for x in (acting, share, speed) for part in (x[:-1], jnp.diff(x))]
-        _, path = jax.lax.scan(over_sample, start, tuple(ends))
-        path = jnp.concatenate([start[None], path])
-        v = speed if imposed else path[:, 1]
-        return jnp.stack([path[:, 0], v, GRAVITY * friction(path[:, 0], v)], axis=-1)
+            def moved(by, slopes):
+                return [x + by * slope for x, slope in zip(state, slopes)]
 
-    def one(point, *given):
-        def both(point):
-            values = outputs(point, *given)
-            return values, values
+            k1 = flow(at, state)
+            k2 = flow(at + 0.5 / substeps, moved(0.5 * step, k1))
+            k3 = flow(at + 0.5 / substeps, moved(0.5 * step, k2))
+            k4 = flow(at + 1 / substeps, moved(step, k3))
+            return tuple(x + step / 6 * (a + 2 * (b + c) + d) for x, a, b, c, d in zip(state, k1, k2, k3, k4)), None
 
-        slopes, values = jax.jacfwd(both, has_aux=True)(point)
-        return values, slopes
+        state, _ = jax.lax.scan(over_step, state, jnp.arange(substeps, dtype=own.dtype))
+        return state, state
 
-    return jax.vmap(one)(jnp.concatenate([parameters, own], axis=1), pressure, by_lag, share, by_load_lag, speed)
+    ends = [(x[:-1], jnp.diff(x, axis=0)) for x in (pressure - zero, by_lag, share, by_load_lag, speed)]
+    start = [part for i, x in enumerate(own) for part in (x, rows(first_of_own + i, 1.0))]
+    _, path = jax.lax.scan(over_sample, tuple(start), ends)
+    w, by_w, *vehicle = (jnp.concatenate([first[None], later]) for first, later in zip(start, path))
+    v, by_v = (speed, jnp.broadcast_to(rows(offset, 1.0), by_w.shape)) if imposed else vehicle
+    mu, by_mu = jax.vmap(friction)(w, v, by_w, by_v)
+    return (w, v, GRAVITY * mu), (by_w, by_v, GRAVITY * by_mu)
 
 
 class Shooting(NamedTuple):
@@ -173,19 +212,20 @@ class Shooting(NamedTuple):
         inside[self.index[np.any(self.weight > 0, axis=(1, 2))]] = True
         return inside
 
-    def evaluate(self, surfaces: int):
-        """`(shared, own) -> residual, by shared, by own` for `arrow_fit`."""
+    def evaluate(self, surfaces: int, free: np.ndarray):
+        """`(shared, own) -> residual, by shared, by own` for `arrow_fit`; of the shared those alone that are `free`,
+        bool (parameters,)."""
         log, size, period = self.log, len(self.curve.names), self.log.period
         substeps = max(1, math.ceil(period / LONGEST_STEP - 1e-9))
         assert log.brake_pressure is not None
         pressure, rate = log.brake_pressure, rate_of(log, log.vehicle_speed, smoothing=SMOOTHING)
-        told = [getattr(log, name) for name in OUTPUTS]
         zeros, errors = np.zeros(len(log.time)), self.errors[self.index].mean(axis=1)
-        lanes, states = len(self.index), 1 if self.imposed else 2
-        acceleration = zeros if log.acceleration is None else log.acceleration
+        acceleration = (zeros if log.acceleration is None else log.acceleration)[self.index]
+        wheel_speed, rate_there = log.wheel_speed[self.index], rate[self.index]
+        first, states = surfaces * size, 1 if self.imposed else 2
+        fitted, n = np.flatnonzero(free), 3 * self.index.shape[1]
 
         def evaluate(shared, own):
-            first = surfaces * size
             car = dict(zip(CAR, shared[first:]))
             coefficients = shared[:first].reshape(surfaces, size)[self.surface]
             acting, by_lag = _and_slope(pressure, period, car["pressure_lag"])
@@ -193,28 +233,35 @@ class Shooting(NamedTuple):
             # Interpolated between samples, noise would average out, and that would look like a better delay.
             speed = (log.vehicle_speed + car["speed_delay"] * rate)[self.index]
             speed = speed + (errors @ shared[first + len(CAR) :])[:, None]
-            of_lanes = [car[name] for name in CAR[:5]] + [0.0, 0.0, car["slope"], 0.0]
-            points = np.concatenate([coefficients, np.tile(of_lanes, (lanes, 1))], axis=1)
-            given = (*(x[self.index] for x in (acting, by_lag, share, by_load_lag)), speed)
-            found = _linearised(self.curve, self.imposed, substeps, points, own, *given, period)
-            values, slopes = map(np.asarray, found)
-            measurements = np.stack([told[0][self.index], speed, acceleration[self.index]], axis=-1)
+            given = (*(x[self.index.T] for x in (acting, by_lag, share, by_load_lag)), speed.T)
+            of_car = np.array([car[name] for name in OF_CAR])
+            found = _linearised(self.curve, self.imposed, substeps, period, coefficients.T, of_car, own.T, *given)
+            values, slopes = (np.stack([np.asarray(x).T for x in some], axis=-1) for some in found)
+            slopes = slopes.swapaxes(0, 1)
+            measurements = np.stack([wheel_speed, speed, acceleration], axis=-1)
             bias = np.array([0.0, 0.0, car["acceleration_bias"]])
             with np.errstate(over="ignore", invalid="ignore"):
                 residual = np.where(self.weight > 0, (values + bias - measurements) * self.weight, 0.0)
-            n = residual.shape[1] * 3
-            by_shared = np.zeros((lanes, *residual.shape[1:], first + SHARED))
-            for surface in range(surfaces):
-                own_surface = self.surface == surface
-                by_shared[own_surface, ..., surface * size : (surface + 1) * size] = slopes[own_surface, ..., :size]
-            by_shared[..., first : first + OF_LANE - 1] = slopes[..., size : size + OF_LANE - 1]
-            by_shared[..., 2, first + CAR.index("acceleration_bias")] = 1.0
-            by_shared[..., 1, first + CAR.index("speed_delay")] = -rate[self.index]
-            by_offset = slopes[..., size + OF_LANE - 1] if self.imposed else -np.array([0.0, 1.0, 0.0])
-            by_shared[..., first + len(CAR) :] = by_offset[..., None] * errors[:, None, None]
-            by_shared *= self.weight[..., None]
-            by_own = slopes[..., size + OF_LANE : size + OF_LANE + states] * self.weight[..., None]
-            return residual.reshape(lanes, n), by_shared.reshape(lanes, n, -1), by_own.reshape(lanes, n, -1)
+            by_offset = slopes[size + len(OF_CAR)] if self.imposed else -np.array([0.0, 1.0, 0.0])
+            # The derivatives by one parameter lie together: what follows takes them by columns.
+            by_shared = np.zeros((len(fitted), *residual.shape))
+            for k, at in enumerate(fitted):
+                if at < first:
+                    there = self.surface == at // size
+                    by_shared[k, there] = slopes[at % size, there]
+                elif at < first + len(OF_CAR):
+                    by_shared[k] = slopes[size + at - first]
+                elif at == first + CAR.index("acceleration_bias"):
+                    by_shared[k, ..., 2] = 1.0
+                elif at == first + CAR.index("speed_delay"):
+                    by_shared[k, ..., 1] = -rate_there
+                else:
+                    by_shared[k] = by_offset * errors[:, at - first - len(CAR), None, None]
+            lanes = len(residual)
+            by_shared, by_own = (
+                (x * self.weight).reshape(-1, lanes, n).transpose(1, 2, 0) for x in (by_shared, slopes[-states:])
+            )
+            return residual.reshape(lanes, n), by_shared, by_own
 
         return evaluate
 

@@ -41,14 +41,14 @@ class Task(NamedTuple):
 
     def part(self, at: np.ndarray) -> Part:
         """What is fitted, as a part of a joint fit."""
-        evaluate_all = self.problem.evaluate((len(self.shared) - SHARED) // len(self.problem.curve.names))
         whole, free = self.begun, self.free
+        surfaces = (len(self.shared) - SHARED) // len(self.problem.curve.names)
+        evaluate_whole = self.problem.evaluate(surfaces, free)
 
         def evaluate(some, own):
             point = whole.copy()
             point[free] = some
-            residual, by_shared, by_own = evaluate_all(point, own)
-            return residual, by_shared[..., free], by_own
+            return evaluate_whole(point, own)
 
         return Part(evaluate, self.own, at)
 
