@@ -5,6 +5,7 @@ follows from running sums; over a grid of c2 it costs the same for every stretch
 when it lowers Schwarz's criterion, and the sum of squares by a share worth the name.
 """
 
+from copy import copy
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -48,17 +49,22 @@ class _Sums:
         self.sums = [np.pad(np.cumsum(c, axis=1), ((0, 0), (1, 0))) for c in columns]
         self.square = np.concatenate([[0.0], np.cumsum(friction**2)])
 
+    def at(self, knots: np.ndarray) -> "_Sums":
+        """At some of the samples only, so that stretches are from one of them to another."""
+        some = copy(self)
+        some.sums, some.square = [s[:, knots] for s in self.sums], self.square[knots]
+        return some
+
     def fit(self, first, last):
-        """Residual (rates, stretches) and coefficients c1, c3 >= 0 of stretches [first, last)."""
+        """Residual (rates, stretches) and coefficients c1, c3 >= 0 of stretches [first, last), arrays or slices."""
         a, b, d, p, q = (s[:, last] - s[:, first] for s in self.sums)
         square = self.square[last] - self.square[first]
         with np.errstate(divide="ignore", invalid="ignore"):
             determinant = a * d - b * b
             c1, c3 = (d * p - b * q) / determinant, (a * q - b * p) / determinant
-            alone = p / a
+            alone = np.divide(p, a, out=np.zeros_like(p), where=a > 0)
             interior = (determinant > 1e-12 * a * d) & (c3 >= 0) & (c1 >= 0)
             c1, c3 = np.where(interior, c1, np.maximum(alone, 0)), np.where(interior, c3, 0.0)
-        c1 = np.nan_to_num(c1)
         return square - (2 * (c1 * p + c3 * q) - (c1 * c1 * a + 2 * c1 * c3 * b + c3 * c3 * d)), c1, c3
 
     def stretch(self, first: int, last: int) -> Stretch:
@@ -83,7 +89,10 @@ def find_stretches(samples: FrictionSamples, most: int = 6) -> list[Stretch]:
     shortest = max(20, round(SHORTEST / period))
     sums = _Sums(samples.slip, samples.friction)
     stride = max(1, round(max(GRID / period, size / FINEST)))
-    knots = np.append(np.arange(0, size - stride // 2, stride), size)
+    inner = np.arange(0, size - stride // 2, stride)
+    # A cut nearer to an end would leave it too short a stretch.
+    inner = inner[(inner >= shortest) & (inner <= size - shortest)]
+    knots = np.array([0, *inner, size])
     best = _partitions(sums, knots, shortest, most)
     chosen = [0, size]
     for cuts in best[1:]:
@@ -96,11 +105,10 @@ def find_stretches(samples: FrictionSamples, most: int = 6) -> list[Stretch]:
 def _partitions(sums: _Sums, knots: np.ndarray, shortest: int, most: int) -> list[list[int]]:
     """Cuts, ends included, of the best partition into 1, 2, ... stretches, as far as there is room."""
     count = len(knots)
-    costs = np.full((count, count), np.inf)
-    for i in range(count - 1):
-        last = knots[i + 1 :]
-        fitted = sums.fit(np.full(len(last), knots[i]), last)[0].min(axis=0)
-        costs[i, i + 1 :] = np.where(last - knots[i] >= shortest, fitted, np.inf)
+    costs, known = np.full((count, count), np.inf), sums.at(knots)
+    for i, nearest in enumerate(np.searchsorted(knots, knots + shortest)):
+        if nearest < count:
+            costs[i, nearest:] = known.fit(slice(i, i + 1), slice(nearest, None))[0].min(axis=0)
     total, origin = costs[0].copy(), []
     found = [[int(knots[0]), int(knots[-1])]]
     for _ in range(most - 1):
