@@ -130,9 +130,13 @@ def _is_data(cells: Sequence[str], decimal: str) -> bool:
 
 def _dialect(lines: Sequence[str]) -> Dialect | None:
     """The way of writing in which most numbers are found; None if there is no line of any."""
-    best, found = (0, 0, 0), None
+    best, found, tables = (0, 0, 0), None, []
     for separator in (",", ";", "\t", "|", " "):
         table = [cells_of(line, separator) for line in lines]
+        # Separators that no line has leave the same table.
+        if table in tables:
+            continue
+        tables.append(table)
         for decimal in (".", ","):
             data = [cells for cells in table if _is_data(cells, decimal)]
             if not data:
