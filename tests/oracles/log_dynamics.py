@@ -68,23 +68,25 @@ class Cars:
         return friction, self.weight + self.sign * shift, target
 
     def rates(self, y, pressure, c):
-        """v', w', shift'; a wheel that stands does not turn backwards."""
-        v, w, shift = y
-        friction, load, target = self.forces(v, w, shift, c)
-        force = friction * load
-        dv = self.free * (force.sum(0) / self.mass + self.downhill)
+        """v', w', shift' for rows of v, w and shift; a wheel that stands does not turn backwards."""
+        w, shift = y[1:-1], y[-1]
+        friction, load, target = self.forces(y[0], w, shift, c)
+        force, rates = friction * load, np.empty_like(y)
+        rates[0] = self.free * (force.sum(0) / self.mass + self.downhill)
         dw = (-self.radius * force - self.efficiency * pressure) / self.inertia
         dw[(w <= 0) & (dw < 0)] = 0.0
-        return dv, dw, (target - shift) * self.pitch_rate
+        rates[1:-1], rates[-1] = dw, (target - shift) * self.pitch_rate
+        return rates
 
     def step(self, y, h, pressures, roads):
         """Classical Runge-Kutta; pressures and coefficients at the start, the middle and the end."""
         k1 = self.rates(y, pressures[0], roads[0])
-        k2 = self.rates([x + h / 2 * k for x, k in zip(y, k1)], pressures[1], roads[1])
-        k3 = self.rates([x + h / 2 * k for x, k in zip(y, k2)], pressures[1], roads[1])
-        k4 = self.rates([x + h * k for x, k in zip(y, k3)], pressures[2], roads[2])
-        v, w, shift = (x + h / 6 * (a + 2 * b + 2 * c + d) for x, a, b, c, d in zip(y, k1, k2, k3, k4))
-        return v, np.maximum(w, 0.0), shift
+        k2 = self.rates(y + h / 2 * k1, pressures[1], roads[1])
+        k3 = self.rates(y + h / 2 * k2, pressures[1], roads[1])
+        k4 = self.rates(y + h * k3, pressures[2], roads[2])
+        y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        y[1:-1] = np.maximum(y[1:-1], 0.0)
+        return y
 
 
 class Roads:
@@ -115,10 +117,11 @@ class Roads:
         reached = np.isinf(self.starts[:, 1]) & (distance >= self.travelled + wheelbase)
         self.starts[:, 1] = np.where(reached, t, self.starts[:, 1])
 
-    def at(self, t):
-        value = self.first
+    def at(self, times):
+        """(times, 5, axles, logs)"""
+        value = np.repeat(self.first[None], len(times), 0)
         for start, jump in zip(self.starts, self.jumps):
-            value = value + jump * np.clip((t - start) / self.blend, 0.0, 1.0)
+            value = value + jump * np.clip((times[:, None, None, None] - start) / self.blend, 0.0, 1.0)
         return value
 
 
@@ -138,11 +141,16 @@ class Lag:
         self.tau, self.step, self.value, self.before = tau, step, value, value
         self.decay = np.where(tau > 0, np.exp(-step / np.where(tau > 0, tau, 1.0)), 0.0)
 
-    def __call__(self, x):
-        slope = (x - self.before) / self.step
-        self.value = x - slope * self.tau + (self.value - self.before + slope * self.tau) * self.decay
-        self.before = x
-        return self.value
+    def __call__(self, course):
+        """y at the ends of the next steps, for x at them."""
+        before = np.concatenate([self.before[None], course[:-1]])
+        behind = (course - before) / self.step * self.tau
+        settled, found = course - behind, []
+        for x, x_before, lag in zip(settled, before, behind):
+            self.value = x + (self.value - x_before + lag) * self.decay
+            found.append(self.value)
+        self.before = course[-1]
+        return np.stack(found)
 
 
 class Delay:
@@ -152,11 +160,13 @@ class Delay:
         self.steps, self.ring, self.now = steps, np.repeat(value[None], steps.max() + 1, 0), 0
         self.columns = np.arange(len(steps))
 
-    def __call__(self, x):
-        self.ring[self.now % len(self.ring)] = x
-        past = self.ring[(self.now - self.steps) % len(self.ring), :, self.columns].T
-        self.now += 1
-        return past
+    def __call__(self, course):
+        found = []
+        for x in course:
+            self.ring[self.now % len(self.ring)] = x
+            found.append(self.ring[(self.now - self.steps) % len(self.ring), :, self.columns].T)
+            self.now += 1
+        return np.stack(found)
 
 
 class Control:
@@ -193,13 +203,15 @@ def drive(stops: list) -> list[Trace]:
     valve = Lag(control.set["lag"], STEP / 2, np.zeros(shape))
     brake = Lag(np.array([s.brake.lag for s in stops]), STEP / 2, np.zeros(shape))
     delay_steps = np.array([round(2 * s.brake.delay / STEP) for s in stops])
-    delay = Delay(delay_steps, np.zeros(shape)) if delay_steps.any() else lambda x: x
+    delay = Delay(delay_steps, np.zeros(shape)) if delay_steps.any() else lambda course: course
     v = np.array([s.speed for s in stops])
-    y = (v, v / cars.radius, np.zeros(logs))
+    y = np.vstack([v, v / cars.radius, np.zeros(logs)])
     end_speed = np.array([s.logging.end_speed for s in stops])
     duration = np.array([s.logging.duration for s in stops])
     commanded, logged, acting = np.zeros(shape), np.zeros(shape), np.zeros(shape)
-    distance, road = np.zeros(logs), roads.at(0.0)
+    distance, road = np.zeros(logs), roads.at(np.zeros(1))[0]
+    steps = round(TICK / STEP)
+    halves, ends = np.arange(1, 2 * steps + 1)[:, None, None] / 2, np.arange(1, steps + 1)
     kept = []
     length = np.zeros(logs, int)
     for tick in range(round(duration.max() / TICK) + 1):
@@ -208,26 +220,25 @@ def drive(stops: list) -> list[Trace]:
         if not runs.any():
             break
         length += runs
-        friction, load, _ = cars.forces(*y, road[:3])
+        friction, load, _ = cars.forces(y[0], y[1:-1], y[-1], road[:3])
         felt = cars.free * (friction * load).sum(0) / cars.mass
-        kept.append((y[0], y[1], logged, acting, felt, friction, load))
+        kept.append((y[0], y[1:-1], logged, acting, felt, friction, load))
         if axles == 2:
             roads.follow(t, distance, cars.wheelbase)
-        dv, dw, _ = cars.rates(y, acting, road[:3])
-        slip = cars.radius * y[1] / y[0] - 1
+        dv, *dw, _ = cars.rates(y, acting, road[:3])
+        slip = cars.radius * y[1:-1] / y[0] - 1
         rate = control(t, commanded, slip, cars.radius * dw - dv, road[3], road[4])
         h = STEP * runs
-        for i in range(round(TICK / STEP)):
-            pressures = [acting]
-            for half in (1, 2):
-                logged = valve(commanded + rate * (i + half / 2) * STEP)
-                acting = brake(delay(logged))
-                pressures.append(acting)
-            ahead = roads.at(t + (i + 1) * STEP)
+        behind_valve = valve(commanded + rate * halves * STEP)
+        pressures = np.concatenate([acting[None], brake(delay(behind_valve))])
+        course = np.concatenate([road[None], roads.at(t + ends * STEP)])
+        curves = course[:, :3]
+        middles = (curves[:-1] + curves[1:]) / 2
+        for i in range(steps):
             before = y[0]
-            y = cars.step(y, h, pressures, (road[:3], (road[:3] + ahead[:3]) / 2, ahead[:3]))
+            y = cars.step(y, h, pressures[2 * i : 2 * i + 3], (curves[i], middles[i], curves[i + 1]))
             distance = distance + h * (before + y[0]) / 2
-            road = ahead
+        logged, acting, road = behind_valve[-1], pressures[-1], course[-1]
         commanded = commanded + rate * TICK
     columns = [np.stack(x) for x in zip(*kept)]
     time = np.arange(len(kept)) * TICK
