@@ -70,20 +70,19 @@ def motion_of(log: BrakeLog, car: Car) -> Motion | None:
     travelled = np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * log.period)])
 
     first = float(np.mean(rate[: max(1, round(BEGINNING / log.period))]))
+    middle = float(np.mean(time))
+    lever = time - middle
 
     def fitted(delay):
         then = time - delay
-        columns = np.stack([np.ones(len(then)), then], axis=1)
         # Before its first sample the log is taken to have gone on as it begins.
         rest = told - np.interp(then, clock, travelled) - first * np.minimum(then, 0.0)
         # The bias is known beforehand to be small, the delay not to be large.
-        weight = np.append(np.ones(len(rest)), noise / BIAS)
-        solution = np.linalg.lstsq(
-            np.vstack([columns, [0.0, 1.0]]) * weight[:, None], np.append(rest, 0.0) * weight, rcond=None
-        )[0]
-        miss = rest - columns @ solution
-        known = (solution[1] * noise / BIAS) ** 2 + ((delay - usual) * noise / about) ** 2
-        return float((np.sum(miss**2) + known) / len(at)), solution, then, miss
+        bias = lever @ rest / (lever @ lever + (noise / BIAS) ** 2)
+        start = np.mean(rest) - bias * (middle - delay)
+        miss = rest - start - bias * then
+        known = (bias * noise / BIAS) ** 2 + ((delay - usual) * noise / about) ** 2
+        return float((np.sum(miss**2) + known) / len(at)), (start, bias), then, miss
 
     def searched():
         costs = np.array([fitted(delay)[0] for delay in delays])
