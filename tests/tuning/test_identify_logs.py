@@ -265,18 +265,41 @@ def test_derivatives_of_the_residuals_against_differences(imposed, folder):
     log = log_of(records()[BRIEF], folder)
     share = np.linspace(1.0, 1.2, len(log.time)) ** 2 if imposed else None
     errors = np.linspace(-0.02, 0.03, len(log.time) * len(NUISANCE)).reshape(-1, len(NUISANCE))
-    problem = shooting(Curve(Burckhardt), log, [np.ones(len(log.time), bool)], 0.3, share, errors)
+    early = log.time < 0.3
+    problem = shooting(Curve(Burckhardt), log, [early, ~early], 0.3, share, errors)
+    assert set(problem.surface) == {0, 1}
     shared = np.array(
-        [1.2, 25.0, 0.5, 0.301, 1.25, 17.0, 2400.0, 0.4, 3e-3, 0.02, 0.01, 0.05, 2e-3, *[0.7] * len(NUISANCE)]
+        [
+            1.2,
+            25.0,
+            0.5,
+            1.1,
+            30.0,
+            0.4,
+            0.301,
+            1.25,
+            17.0,
+            2400.0,
+            0.4,
+            3e-3,
+            0.02,
+            0.01,
+            0.05,
+            2e-3,
+            *[0.7] * len(NUISANCE),
+        ]
     )
-    assert len(shared) == 3 + len(CAR) + len(NUISANCE)
-    evaluate, own = problem.evaluate(1, np.ones(len(shared), bool)), problem.start()
+    assert len(shared) == 6 + len(CAR) + len(NUISANCE)
+    # The delay of a speed that is imposed is never free.
+    held = "speed_delay" if imposed else "load"
+    free = np.array([name != held for name in [*"123123", *CAR, *NUISANCE]])
+    evaluate, own = problem.evaluate(2, free), problem.start()
     _, by_shared, by_own = evaluate(shared, own)
-    for i, width in enumerate(1e-5 * np.maximum(np.abs(shared), 1e-2)):
-        if imposed and i == 3 + CAR.index("speed_delay"):
-            continue  # never free where the speed is imposed
+    assert by_shared.shape[2] == free.sum()
+    for i, at in enumerate(np.flatnonzero(free)):
+        width = 1e-5 * max(abs(shared[at]), 1e-2)
         step = np.zeros(len(shared))
-        step[i] = width
+        step[at] = width
         difference = (evaluate(shared + step, own)[0] - evaluate(shared - step, own)[0]) / (2 * width)
         np.testing.assert_allclose(
             by_shared[..., i], difference, rtol=2e-3, atol=2e-4 * np.abs(difference).max() + 1e-9
