@@ -3,8 +3,8 @@
 | phase | leaves when |
 |---|---|
 | 0 driver braking | x2 <= -(eps0 + eps0_growth R w) -> 1; the wheel stands, above 15 km/h -> 1 |
-| 1 release | x2 >= eps1 -> 2; after longest_release -> 4 |
-| 2 hold | x2 >= eps2 -> 3; x2 falls back through fallback eps1 -> 4 |
+| 1 release | x2 >= eps1 -> 2; after longest_release, once the slip is back -> 4 |
+| 2 hold | x2 >= eps2, once the slip is back -> 3; x2 falls back through fallback eps1 -> 4, or in deep slip -> 1 |
 | 3 fast apply | x2 <= eps3 -> 4; the wheel stands, after 20 ms -> 1 |
 | 4 slow apply | x2 <= -eps4 -> 5; the wheel stands, after 20 ms -> 1 |
 | 5 hold | x2 <= -eps5 -> 1; x2 rises back through -fallback eps4 -> 4 |
@@ -14,6 +14,9 @@ Ours, and not met in the published stops (`ways_back` off: the automaton as publ
 * the growth of eps0, 0 as published: on the stable branch a pedal of rate p' takes the wheel to x2 = -b p' v / (a mu'),
   deeper the faster the car, before the road's peak is anywhere near;
 * the end of a release without x2 >= eps1, which no wheel reaches on ice: the brake would stay released;
+* no pressure before the slip is back, R w >= (1 + recovered_slip) v: a wheel in deep slip, let go of, has the
+  acceleration of one that comes back over the peak while it is at walking pace still; with pressure applied then it
+  goes to and fro between standstill and walking pace until the road is better. It takes a rough speed of the vehicle;
 * the way back from the hold of phase 5, where the road has become better: the pressure would stay where it is;
 * the release of a wheel that stands: it decelerates no more, and pressure would be applied to it for ever. Under all
   that the driver gives it may have come there slowly, without ever decelerating by eps0.
@@ -36,8 +39,11 @@ from absjax.signals import Signals
 STANDS = 0.1
 """Speed of the rim, m/s, below which a wheel stands."""
 STOPPING = 100.0
-"""Deceleration, m/s^2, at which a rim comes to stand, or nearly: over it the speed is a time, both parts of the guard
-rise about alike, and an interpolant over the corner between them does not overshoot."""
+"""Deceleration, m/s^2, at which a rim comes to stand, or nearly, and acceleration of one let go of: over it the speed
+is a time, both parts of the guard rise about alike, and an interpolant over the corner between them does not
+overshoot."""
+JERK = 1000.0
+"""m/s^3, of a wheel let go of: times it a time is an acceleration, for the same reason."""
 SHORTEST_APPLY = 0.02
 """s, to a wheel that stands: at walking pace any wheel comes to stand, and would let phases follow without end."""
 WALKING = 15 / 3.6
@@ -76,9 +82,15 @@ class AccelerationPhases(Controller):
     )
     fallback: Any = parameter("share of a threshold at which it is left again", default=0.9, low=0.0, high=0.999)
     longest_release: Any = parameter("longest release, s", default=0.5, low=0.0, open_low=True)
+    recovered_slip: Any = parameter(
+        "slip to which a wheel has to come back before pressure is applied again; -1: none is asked for",
+        default=-1.0,
+        low=-1.0,
+        high=0.0,
+    )
     ways_back: bool = True
     """whether there is a way out of a release that lasts, of a hold the wheel recovers in, and of pressure applied to a
-    wheel that stands; False as published"""
+    wheel that stands or slips deeply; False as published"""
 
     def initial_state(self, signals: Signals) -> Any:
         """Entered here and now."""
@@ -96,13 +108,24 @@ class AccelerationPhases(Controller):
         comes_to_stand = (STANDS - signals.radius * signals.wheel_speed) / STOPPING
         stands = jnp.minimum(comes_to_stand, signals.time - state.time - SHORTEST_APPLY)
         slides = while_pressed(jnp.minimum(comes_to_stand, (signals.vehicle_speed - WALKING) / STOPPING), signals)
-        if not self.ways_back:
+        if self.ways_back:
+            back = self._since_recovered(signals)
+            onward = jnp.where(phase == 2, jnp.minimum(onward, JERK * back), onward)
+            overdue = jnp.minimum(overdue, back)
+        else:
             overdue = recovered = stands = slides = -1.0
-        back = pick(phase, (slides, overdue, fallen, stands, stands, recovered))
-        return jnp.where(phase == 0, while_pressed(onward, signals), onward), back
+        other = pick(phase, (slides, overdue, fallen, stands, stands, recovered))
+        return jnp.where(phase == 0, while_pressed(onward, signals), onward), other
 
     def switch(self, signals: Signals, state, phase, slot):
         """The phase that follows, entered now."""
         onward = jnp.where(phase == 5, 1, phase + 1)
-        other = jnp.where((phase == 0) | (phase == 3) | (phase == 4), 1, 4)
+        deep = self.ways_back & (self._since_recovered(signals) < 0)
+        again = (phase == 0) | ((phase == 2) & deep) | (phase == 3) | (phase == 4)
+        other = jnp.where(again, 1, 4)
         return self.initial_state(signals), jnp.where(slot == 1, other, onward)
+
+    def _since_recovered(self, signals: Signals):
+        """Time since the slip is back [s], of a wheel that is let go of; below zero before."""
+        ahead = signals.radius * signals.wheel_speed - (1 + self.recovered_slip) * signals.vehicle_speed
+        return jnp.where(self.recovered_slip > -1, ahead / STOPPING, jnp.inf)

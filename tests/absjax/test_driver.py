@@ -86,8 +86,7 @@ class ByHand:
         else:
             found += [("lock", -y[1]), ("turns", y[1] - 1.001 * bound)]
         if self.phase > 0 or self.foot != "off":
-            ways = five_phase.edges(self.phase, x, self.p)
-            ways += five_phase.ways_back(self.phase, x, t - self.entered, self.p, RADIUS * y[1])
+            ways = five_phase.ways(self.phase, x, t - self.entered, self.p, RADIUS * y[1], y[0])
             found += [(f"to {following}", guard) for guard, following in ways]
         instants = (self.d.delay, *self.d.changes)
         if self.moves < len(instants):

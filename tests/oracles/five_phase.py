@@ -13,9 +13,15 @@ def edges(phase, x2, p):
     return [*ways, (p.fallback * p.eps1 - x2, 4)] if phase == 2 else ways
 
 
-def ways_back(phase, x2, spent, p, rim):
-    """The same of what is the project's own: out of a release that lasts, of pressure applied to a wheel that stands,
-    and of a hold the wheel recovers in."""
+def ways(phase, x2, spent, p, rim, v):
+    """The same with what is the project's own: out of a release that lasts, of pressure applied to a wheel that stands,
+    and of a hold the wheel recovers in; and no pressure from a release or its hold before the slip is back."""
+    found = edges(phase, x2, p)
+    recovered = rim - (1 + p.recovered_slip) * v if p.recovered_slip > -1 else 1e9
+    if phase == 2:
+        (onward, three), (fallen, four) = found
+        return [(min(onward, recovered), three), (fallen, 1 if recovered < 0 else four)]
     stands = min(0.1 - rim, spent - 0.02), 1
-    back = {1: (spent - p.longest_release, 4), 3: stands, 4: stands, 5: (x2 + p.fallback * p.eps4, 4)}
-    return [back[phase]] if phase in back else []
+    overdue = min(spent - p.longest_release, recovered), 4
+    others = {1: overdue, 3: stands, 4: stands, 5: (x2 + p.fallback * p.eps4, 4)}
+    return [*found, others[phase]] if phase in others else found

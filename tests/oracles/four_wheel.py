@@ -38,7 +38,7 @@ class ByHand:
         return c1 * (1 - np.exp(-c2 * s)) - c3 * s
 
     def mechanics(self, t, y, pressures):
-        """Slope of the first 17 entries, and v' over the wheels along them."""
+        """Slope of the first 17 entries, and over the wheels, along them, the speed and v'."""
         v, r, w, slip = complex(y[0], y[1]), y[2], y[5:9], y[9:13] + 1j * y[13:17]
         h = 1e-6
         turned, before, after = (np.exp(1j * np.where(TO_FRONT > 0, self.angle(x), 0.0)) for x in (t, t - h, t + h))
@@ -58,7 +58,7 @@ class ByHand:
         turning = (1 / after - 1 / before) / (2 * h)
         along = ((acceleration + 1j * yawing * AT) / turned + (v + 1j * r * AT) * turning).real
         slope = [acceleration.real, acceleration.imag, yawing, r, abs(v), *spin, *slipping.real, *slipping.imag]
-        return np.array(slope), along
+        return np.array(slope), over.real, along
 
     def rates(self, y):
         asked = [five_phase.rate(phase, max(RADIUS * w, 0.5), self.p) for phase, w in zip(self.phases, y[5:9])]
@@ -74,11 +74,11 @@ class ByHand:
 
     def edges(self, t, y):
         """(wheel, following phase, guard); wheel None where the pedal arrives."""
-        slope, along = self.mechanics(t, y, y[17:21])
+        slope, speeds, along = self.mechanics(t, y, y[17:21])
         found = []
         for i, (phase, x2) in enumerate(zip(self.phases, RADIUS * slope[5:9] - along)):
             spent, rim = t - self.entered[i], RADIUS * y[5 + i]
-            ways = five_phase.edges(phase, x2, self.p) + five_phase.ways_back(phase, x2, spent, self.p, rim)
+            ways = five_phase.ways(phase, x2, spent, self.p, rim, speeds[i])
             found += [(i, following, guard) for guard, following in ways]
         return [*found, (None, None, y[21] - self.largest if self.pedal(y) else -1.0)]
 

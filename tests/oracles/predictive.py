@@ -10,7 +10,7 @@ import numpy as np
 
 from tests.oracles import quarter_car
 from tests.oracles.automaton import runge_kutta
-from tests.oracles.five_phase import edges, ways_back
+from tests.oracles.five_phase import ways
 
 A, B = quarter_car.A, quarter_car.B
 
@@ -73,7 +73,7 @@ class Unit:
     def pass_(self, now, x2, xbs, v, rim):
         self.advance(now, x2, xbs, v)
         spent = now - self.time
-        for guard, following in (*edges(self.phase, x2, self.p), *ways_back(self.phase, x2, spent, self.p, rim)):
+        for guard, following in ways(self.phase, x2, spent, self.p, rim, v):
             if guard >= 0:
                 self.phase = following
                 self.enter(now, x2)

@@ -73,9 +73,8 @@ class ByHand:
         for i in range(2):
             x2 = RADIUS * turning[i] - slowing
             if self.phase[i] > 0 or self.foot != "off":
-                ways = five_phase.edges(self.phase[i], x2, self.p[i])
                 rim = RADIUS * self.axle(y, i)[0]
-                ways = ways + five_phase.ways_back(self.phase[i], x2, t - self.entered[i], self.p[i], rim)
+                ways = five_phase.ways(self.phase[i], x2, t - self.entered[i], self.p[i], rim, y[0])
                 found += [(("to", i, following), guard) for following, guard in ((f, g) for g, f in ways)]
             ahead = self.rate(y, i) - self.slope()
             if self.on_pedal[i]:
