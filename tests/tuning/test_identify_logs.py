@@ -268,27 +268,8 @@ def test_derivatives_of_the_residuals_against_differences(imposed, folder):
     early = log.time < 0.3
     problem = shooting(Curve(Burckhardt), log, [early, ~early], 0.3, share, errors)
     assert set(problem.surface) == {0, 1}
-    shared = np.array(
-        [
-            1.2,
-            25.0,
-            0.5,
-            1.1,
-            30.0,
-            0.4,
-            0.301,
-            1.25,
-            17.0,
-            2400.0,
-            0.4,
-            3e-3,
-            0.02,
-            0.01,
-            0.05,
-            2e-3,
-            *[0.7] * len(NUISANCE),
-        ]
-    )
+    surfaces, car = (1.2, 25.0, 0.5, 1.1, 30.0, 0.4), (0.301, 1.25, 17.0, 2400.0, 0.4, 3e-3, 0.02, 0.01, 0.05, 2e-3)
+    shared = np.array([*surfaces, *car, *[0.7] * len(NUISANCE)])
     assert len(shared) == 6 + len(CAR) + len(NUISANCE)
     # The delay of a speed that is imposed is never free.
     held = "speed_delay" if imposed else "load"
